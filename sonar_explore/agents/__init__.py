@@ -1,0 +1,1 @@
+"""The will of the robot: exploration policies."""

@@ -1,0 +1,26 @@
+"""`@kernel`: compile a loop with numba where it is installed, leave it as it is where not.
+
+Both ways run the same lines and give the same numbers; numba (`pip install "sonar-explore[fast]"`)
+only makes them faster. Kernels take arrays and scalars alone and live in few, small files, which
+`import sonar_explore` does not touch: numba is imported when the first simulator is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+try:
+    import numba
+except ImportError:
+    numba = None
+
+
+def kernel(function: F) -> F:
+    """Mark a kernel: compiled at its first call and cached on disk; no fast-math, so no change of results."""
+    if numba is None:
+        return function
+    compiled: F = numba.njit(cache=True)(function)
+    return compiled

@@ -1,0 +1,1 @@
+"""The world and its physics: the only place that knows the truth."""

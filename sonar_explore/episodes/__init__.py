@@ -1,0 +1,1 @@
+"""Record, run, score and export episodes."""

@@ -1,0 +1,1 @@
+"""Features onto a grid; frontiers."""

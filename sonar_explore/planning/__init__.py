@@ -1,0 +1,1 @@
+"""Safe paths and candidate scan positions."""
