@@ -1,0 +1,1 @@
+"""One reader a file format; each ends in `validate` and returns a `World`."""

@@ -1,0 +1,237 @@
+"""The world: straight specular walls, round columns and the place where the robot starts.
+
+`load_world` takes the name of a shipped world (`paper/rooms`) or a file, which the reader for its suffix
+turns into a `World`. Every reader ends in `validate`, so that a `World` in hand is one a robot can drive in.
+Formats and the shipped worlds: docs/worlds.md.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy import ndimage
+
+from sonar_explore.amigobot import AmigoBot
+from sonar_explore.errors import SonarExploreError, unknown_name
+from sonar_explore.geometry import Array, Pose
+
+MAX_EXTENT_M = 1000.0
+"""A larger world has its unit wrong (millimetres, pixels)."""
+MAX_WALLS = 20_000
+MAX_CYLINDERS = 5_000
+MIN_WALL_M = 1e-6
+"""Shorter walls are dropped, [m]."""
+MIN_REACH_M = 0.3
+"""A start from which the robot cannot get this far away is shut in, [m]."""
+
+_SHIPPED = Path(__file__).parent / "worlds"
+_CHUNK = 1_000_000
+_SEARCH_STEP_M = 0.05
+
+# One reader a file, imported when its suffix is met: only the image reader needs scikit-image.
+_READERS = {
+    ".toml": "sonar_explore.envs.readers.toml_world:read_toml",
+    ".png": "sonar_explore.envs.readers.image:read_image",
+    ".pgm": "sonar_explore.envs.readers.image:read_image",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """A building as a sonar meets it, in the world frame."""
+
+    name: str
+    """`paper/rooms` where shipped, else the file's stem."""
+    title: str
+    """One line for a reader."""
+    walls: Array
+    """Straight specular walls x1 y1 x2 y2, shape (n, 4), [m]; both sides reflect."""
+    roughness: Array
+    """Share of diffuse return of each wall, shape (n,), 0 (mirror) to 1."""
+    cylinders: Array
+    """Round columns and chair legs x y radius, shape (m, 3), [m]."""
+    start: Pose
+    """`pose_robot_in_world` when the episode begins."""
+    has_loop: bool
+    """The way closes on itself, so that a loop can be closed."""
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """(x_min, y_min, x_max, y_max) of walls and cylinders, [m]."""
+        centres, radii = self.cylinders[:, :2], self.cylinders[:, 2:]
+        points = np.concatenate([self.walls[:, :2], self.walls[:, 2:], centres - radii, centres + radii])
+        (x_min, y_min), (x_max, y_max) = points.min(axis=0), points.max(axis=0)
+        return float(x_min), float(y_min), float(x_max), float(y_max)
+
+    def clearance(self, points: Array) -> Array:
+        """Distance of points, shape (n, 2) [m], to the nearest wall or cylinder; negative inside a cylinder."""
+        nearest = np.full(len(points), np.inf)
+        step = max(1, _CHUNK // (len(self.walls) + 1))
+        for i in range(0, len(points), step):
+            chunk = points[i : i + step]
+            nearest[i : i + step] = distances_to_walls(chunk, self.walls).min(axis=1, initial=np.inf)
+        for x, y, radius in self.cylinders:
+            np.minimum(nearest, np.hypot(points[:, 0] - x, points[:, 1] - y) - radius, out=nearest)
+        return nearest
+
+
+def distances_to_walls(points: Array, walls: Array) -> Array:
+    """Distance of each point, shape (n, 2), to each wall, shape (m, 4): shape (n, m), [m]."""
+    x1, y1 = walls[:, 0], walls[:, 1]
+    dx, dy = walls[:, 2] - x1, walls[:, 3] - y1
+    px, py = points[:, 0, None] - x1, points[:, 1, None] - y1
+    share = np.clip((px * dx + py * dy) / np.maximum(dx * dx + dy * dy, 1e-300), 0.0, 1.0)
+    return np.hypot(px - share * dx, py - share * dy)
+
+
+def shipped_worlds() -> tuple[str, ...]:
+    """The names that `load_world` knows without a file."""
+    return tuple(sorted(p.relative_to(_SHIPPED).with_suffix("").as_posix() for p in _SHIPPED.rglob("*.toml")))
+
+
+def load_world(name_or_path: str | Path) -> World:
+    """The shipped world of that name, or the world in that file.
+
+    >>> load_world("paper/corridor").title
+    'A straight corridor'
+    """
+    if str(name_or_path) in shipped_worlds():
+        world = _reader(".toml")(_SHIPPED / f"{name_or_path}.toml")
+        return replace(world, name=str(name_or_path))
+    path = Path(name_or_path)
+    if path.suffix.lower() in _READERS:
+        return _reader(path.suffix.lower())(path)
+    if path.is_file():
+        raise SonarExploreError(
+            f"{path.name}: no reader for a world file that ends in {path.suffix!r}; known: {', '.join(_READERS)}"
+        )
+    raise unknown_name("world", name_or_path, [*shipped_worlds(), f"a file ({', '.join(_READERS)})"])
+
+
+def read_bytes(path: Path) -> bytes:
+    """The bytes of a world file; the errors of the file system in one line."""
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise SonarExploreError(f"no world file {str(path)!r}; shipped: {', '.join(shipped_worlds())}") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise SonarExploreError(f"cannot read the world file {str(path)!r}: {reason}") from None
+    if not data.strip():
+        raise SonarExploreError(f"{path.name}: the world file is empty")
+    return data
+
+
+def validate(world: World) -> World:
+    """The world less its walls of no length, or an error that says what is wrong with it."""
+    _check_numbers(world)
+    long_enough = np.hypot(*(world.walls[:, 2:] - world.walls[:, :2]).T) > MIN_WALL_M
+    world = replace(world, walls=world.walls[long_enough], roughness=world.roughness[long_enough])
+    _check_extent(world)
+    _check_start(world)
+    return world
+
+
+def _reader(suffix: str) -> Callable[[Path], World]:
+    module, _, function = _READERS[suffix].partition(":")
+    reader: Callable[[Path], World] = getattr(importlib.import_module(module), function)
+    return reader
+
+
+def _check_numbers(world: World) -> None:
+    for what, array, columns in (("walls", world.walls, 4), ("cylinders", world.cylinders, 3)):
+        if array.ndim != 2 or array.shape[1] != columns:
+            raise SonarExploreError(f"{world.name}: {what} have shape {array.shape}; expected (n, {columns})")
+        if not np.isfinite(array).all():
+            row = int(np.argwhere(~np.isfinite(array))[0, 0])
+            raise SonarExploreError(f"{world.name}: {what}[{row}] is not finite: {array[row].tolist()}")
+    if world.roughness.shape != (len(world.walls),):
+        raise SonarExploreError(f"{world.name}: {world.roughness.shape} roughness for {len(world.walls)} walls")
+    if not ((world.roughness >= 0.0) & (world.roughness <= 1.0)).all():
+        raise SonarExploreError(f"{world.name}: roughness must lie between 0 and 1")
+    if not (world.cylinders[:, 2] > 0.0).all():
+        raise SonarExploreError(f"{world.name}: the radius of a cylinder must be above 0")
+    if not np.isfinite([world.start.x, world.start.y, world.start.heading]).all():
+        raise SonarExploreError(f"{world.name}: the start is not finite: {world.start}")
+
+
+def _check_extent(world: World) -> None:
+    if not len(world.walls):
+        raise SonarExploreError(f"{world.name}: no walls; a sonar has nothing to hear")
+    for what, count, limit in (
+        ("walls", len(world.walls), MAX_WALLS),
+        ("cylinders", len(world.cylinders), MAX_CYLINDERS),
+    ):
+        if count > limit:
+            raise SonarExploreError(f"{world.name}: {count} {what}; at most {limit} are possible")
+    x_min, y_min, x_max, y_max = world.bounds
+    extent = max(x_max - x_min, y_max - y_min)
+    if extent > MAX_EXTENT_M:
+        raise SonarExploreError(
+            f"{world.name}: {extent:.0f} m across, at most {MAX_EXTENT_M:.0f} m is possible; lengths are metres"
+        )
+
+
+def _check_start(world: World) -> None:
+    x, y = world.start.x, world.start.y
+    x_min, y_min, x_max, y_max = world.bounds
+    margin = AmigoBot.radius_m
+    if not (x_min - margin <= x <= x_max + margin and y_min - margin <= y <= y_max + margin):
+        raise SonarExploreError(
+            f"{world.name}: the start ({x:.2f}, {y:.2f}) lies outside the walls, which span "
+            f"x {x_min:.2f} to {x_max:.2f}, y {y_min:.2f} to {y_max:.2f}{_offer(world)}"
+        )
+    clearance = float(world.clearance(np.array([[x, y]]))[0])
+    if clearance < AmigoBot.radius_m:
+        where = "inside a cylinder" if clearance < 0.0 else f"{clearance:.2f} m from a wall or cylinder"
+        raise SonarExploreError(
+            f"{world.name}: the start ({x:.2f}, {y:.2f}) is {where}; "
+            f"the robot needs {AmigoBot.radius_m:.2f} m{_offer(world)}"
+        )
+    if _reach(world, x, y) < MIN_REACH_M:
+        raise SonarExploreError(
+            f"{world.name}: nothing can be reached from the start ({x:.2f}, {y:.2f}): "
+            f"the robot is shut in{_offer(world)}"
+        )
+
+
+def _offer(world: World) -> str:
+    place = nearest_free_place(world)
+    return "; no free place was found near it" if place is None else f"; free: ({place[0]:.2f}, {place[1]:.2f})"
+
+
+def nearest_free_place(world: World) -> tuple[float, float] | None:
+    """The place nearest to the start where the robot fits and can drive away, (x, y) [m], within 5 m."""
+    x_min, y_min, x_max, y_max = world.bounds
+    x0, y0 = float(np.clip(world.start.x, x_min, x_max)), float(np.clip(world.start.y, y_min, y_max))
+    places = _square(x0, y0, 5.0, 2 * _SEARCH_STEP_M).reshape(-1, 2)
+    inside = (places >= (x_min, y_min)).all(axis=1) & (places <= (x_max, y_max)).all(axis=1)
+    places = places[inside]
+    places = places[world.clearance(places) >= AmigoBot.radius_m + _SEARCH_STEP_M]
+    order = np.argsort(np.hypot(places[:, 0] - x0, places[:, 1] - y0), kind="stable")
+    for x, y in places[order[:200]].tolist():
+        if _reach(world, x, y) >= MIN_REACH_M:
+            return x, y
+    return None
+
+
+def _reach(world: World, x: float, y: float) -> float:
+    """How far the robot can get from (x, y), measured up to twice MIN_REACH_M away, [m]."""
+    places = _square(x, y, 2 * MIN_REACH_M, _SEARCH_STEP_M / 2)
+    free = world.clearance(places.reshape(-1, 2)).reshape(places.shape[:2]) >= AmigoBot.radius_m
+    labels, _ = ndimage.label(free)
+    middle = labels[labels.shape[0] // 2, labels.shape[1] // 2]
+    if middle == 0:
+        return 0.0
+    return float(np.hypot(*(places[labels == middle] - (x, y)).T).max())
+
+
+def _square(x: float, y: float, half_side: float, step: float) -> Array:
+    """Places about (x, y), which is the middle one, shape (k, k, 2), [m]."""
+    count = round(half_side / step)
+    offsets = np.arange(-count, count + 1) * step
+    return np.stack(np.meshgrid(x + offsets, y + offsets), axis=-1)
