@@ -1,0 +1,128 @@
+"""The simulated AmigoBot in a world: it drives, fires, scans and bumps. Only this file moves the true pose."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sonar_explore.amigobot import AmigoBot
+from sonar_explore.envs.acoustics import SonarPhysics, echoes, measured, temperature_scale
+from sonar_explore.envs.collision import clearance
+from sonar_explore.envs.odometry import OdometryError, OdometryNoise
+from sonar_explore.envs.scene import Scene
+from sonar_explore.envs.world import World
+from sonar_explore.geometry import Array, Pose
+from sonar_explore.measurement import Scan
+
+SCAN_STEP_RAD = math.radians(4.0)  # section IV: 90 readings a turn
+
+
+@dataclass(frozen=True)
+class SimulatorConfig:
+    """The robot, its sonar and its wheels."""
+
+    robot: AmigoBot = field(default_factory=AmigoBot)
+    sonar: SonarPhysics = field(default_factory=SonarPhysics)
+    noise: OdometryNoise = field(default_factory=OdometryNoise)
+    scan_step_rad: float = SCAN_STEP_RAD
+    """Turn between two readings of a scan, [rad]; must divide a full turn."""
+
+
+class Simulator:
+    """A robot in a world (implements `sonar_explore.robot.Robot`); the true pose is in `true_pose`."""
+
+    def __init__(self, world: World, config: SimulatorConfig, rng: np.random.Generator) -> None:
+        self.world = world
+        self.config = config
+        self._scene = Scene.of(world, config.sonar.range_max_m)
+        self.reset(rng)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Back to the start, as another robot on another day: new systematic errors, new temperature."""
+        self._rng = rng
+        self._wheels = OdometryError(self.config.noise, self.config.robot.wheel_base_m, rng)
+        self._range_scale = temperature_scale(self.config.sonar, rng)
+        self.true_pose = self.world.start
+        self.pose_robot_in_odometry = Pose(0.0, 0.0, 0.0)
+        self.ring_m = np.full(len(self.config.robot.sonars), self.config.robot.range_max_m)
+        self.bumper = False
+        self.contacts = 0
+        """Touches so far; a touch that lasts counts once."""
+        self.time_s = 0.0
+        self.driven_m = 0.0
+        """Path length by the wheels, [m]."""
+        self._next_disc = 0
+
+    def tick(self, speed_m_s: float, turn_rate_rad_s: float) -> None:
+        """Drive for one ping interval, stop at a wall, fire the next disc of the ring."""
+        robot = self.config.robot
+        dt = robot.ping_interval_s
+        speed = min(robot.speed_max_m_s, max(-robot.speed_max_m_s, speed_m_s))
+        turn_rate = min(robot.turn_rate_max_rad_s, max(-robot.turn_rate_max_rad_s, turn_rate_rad_s))
+        self._move(speed * dt, turn_rate * dt)
+        self.time_s += dt
+        disc = self._next_disc
+        self.ring_m = self.ring_m.copy()
+        self.ring_m[disc] = self._fire(disc)
+        self._next_disc = (disc + 1) % len(robot.sonars)
+
+    def scan(self, direction: int) -> Scan:
+        """Turn once on the spot and keep one sonar. The odometry error acts during the turn: the scan is smeared."""
+        robot = self.config.robot
+        count = round(2.0 * math.pi / self.config.scan_step_rad)
+        step = direction * 2.0 * math.pi / count
+        began = self.pose_robot_in_odometry
+        true_poses = []
+        for _ in range(count):
+            true_poses.append(self.true_pose)
+            self._move(0.0, step)
+        ranges = self._measure(true_poses, robot.sonars[robot.scan_sonar])
+        self.time_s += count * (abs(step) / robot.turn_rate_max_rad_s + robot.ping_interval_s)
+        return Scan(
+            pose_robot_in_odometry=began,
+            headings_rad=step * np.arange(count),
+            ranges_m=ranges,
+            pose_sonar_in_robot=robot.sonars[robot.scan_sonar],
+            range_max_m=robot.range_max_m,
+        )
+
+    def _fire(self, disc: int) -> float:
+        return float(self._measure([self.true_pose], self.config.robot.sonars[disc])[0])
+
+    def _measure(self, true_poses: list[Pose], pose_sonar_in_robot: Pose) -> Array:
+        discs = [pose @ pose_sonar_in_robot for pose in true_poses]
+        ranges, _ = echoes(
+            self._scene, np.array([(d.x, d.y, d.heading) for d in discs]), self.config.sonar
+        )
+        return measured(ranges, self._range_scale, self.config.sonar, self._rng)
+
+    def _move(self, forward_m: float, turn_rad: float) -> None:
+        """One small arc: the odometry records what was asked, the truth does what the wheels make of it."""
+        true_forward, true_turn = self._wheels.true_motion(forward_m, turn_rad)
+        moved = _arc(self.true_pose, true_forward, true_turn)
+        touching = forward_m != 0.0 and self._touches(self.true_pose, moved)
+        if touching:  # the wheels stall: no way forward, but the robot can turn
+            moved = Pose(self.true_pose.x, self.true_pose.y, self.true_pose.heading + true_turn)
+            forward_m = 0.0
+            self.contacts += not self.bumper
+        self.bumper = touching
+        self.true_pose = moved
+        self.pose_robot_in_odometry = _arc(self.pose_robot_in_odometry, forward_m, turn_rad)
+        self.driven_m += abs(forward_m)
+
+    def _touches(self, before: Pose, after: Pose) -> bool:
+        """Whether the body overlaps a wall after a move that did not take it away from one."""
+        gap = clearance(self._scene, after.x, after.y)
+        return gap < self.config.robot.radius_m and gap <= clearance(self._scene, before.x, before.y)
+
+
+def _arc(pose: Pose, forward_m: float, turn_rad: float) -> Pose:
+    """Exact motion along an arc of constant curvature."""
+    half = 0.5 * turn_rad
+    chord = forward_m * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
+    heading = pose.heading + half
+    return Pose(
+        pose.x + chord * math.cos(heading), pose.y + chord * math.sin(heading), pose.heading + turn_rad
+    )

@@ -1,0 +1,35 @@
+"""What a robot can do: the one interface that the simulator offers and a real AmigoBot could."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from sonar_explore.geometry import Array, Pose
+from sonar_explore.measurement import Scan
+
+
+class Robot(Protocol):
+    """Drive, listen, scan. Nothing here knows where the robot truly is."""
+
+    @property
+    def pose_robot_in_odometry(self) -> Pose:
+        """Integrated wheel odometry; the heading is not wrapped."""
+        ...
+
+    @property
+    def ring_m(self) -> Array:
+        """Latest echo of each of the eight discs, shape (8,), [m]; maximum range where nothing was heard."""
+        ...
+
+    @property
+    def bumper(self) -> bool:
+        """Whether the last tick was stopped by a touch."""
+        ...
+
+    def tick(self, speed_m_s: float, turn_rate_rad_s: float) -> None:
+        """Drive at these speeds for one ping interval; the next disc of the ring fires at its end."""
+        ...
+
+    def scan(self, direction: int) -> Scan:
+        """Turn once on the spot, +1 counter-clockwise or -1 clockwise, keeping one sonar (section IV)."""
+        ...
