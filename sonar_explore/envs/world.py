@@ -117,7 +117,9 @@ def read_bytes(path: Path) -> bytes:
     try:
         data = path.read_bytes()
     except FileNotFoundError:
-        raise SonarExploreError(f"no world file {str(path)!r}; shipped: {', '.join(shipped_worlds())}") from None
+        raise SonarExploreError(
+            f"no world file {str(path)!r}; shipped: {', '.join(shipped_worlds())}"
+        ) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise SonarExploreError(f"cannot read the world file {str(path)!r}: {reason}") from None
@@ -150,7 +152,9 @@ def _check_numbers(world: World) -> None:
             row = int(np.argwhere(~np.isfinite(array))[0, 0])
             raise SonarExploreError(f"{world.name}: {what}[{row}] is not finite: {array[row].tolist()}")
     if world.roughness.shape != (len(world.walls),):
-        raise SonarExploreError(f"{world.name}: {world.roughness.shape} roughness for {len(world.walls)} walls")
+        raise SonarExploreError(
+            f"{world.name}: {world.roughness.shape} roughness for {len(world.walls)} walls"
+        )
     if not ((world.roughness >= 0.0) & (world.roughness <= 1.0)).all():
         raise SonarExploreError(f"{world.name}: roughness must lie between 0 and 1")
     if not (world.cylinders[:, 2] > 0.0).all():
@@ -201,7 +205,9 @@ def _check_start(world: World) -> None:
 
 def _offer(world: World) -> str:
     place = nearest_free_place(world)
-    return "; no free place was found near it" if place is None else f"; free: ({place[0]:.2f}, {place[1]:.2f})"
+    return (
+        "; no free place was found near it" if place is None else f"; free: ({place[0]:.2f}, {place[1]:.2f})"
+    )
 
 
 def nearest_free_place(world: World) -> tuple[float, float] | None:
