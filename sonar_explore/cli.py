@@ -1,0 +1,241 @@
+"""`sonar-explore`: run an episode, list worlds and agents, make a report again.
+
+Only click is imported here; everything heavy waits until a command needs it.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from sonar_explore.errors import SonarExploreError
+
+if TYPE_CHECKING:
+    from sonar_explore.episodes.record import EpisodeRecord, StepRecord
+
+EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 130  # what shells report for Ctrl-C
+EXIT_BROKEN_PIPE = 141  # and for a reader that went away
+SEED_MAX = 2**32 - 1
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; every failure that a user can cause is one line on stderr."""
+    try:
+        status = commands.main(arguments, prog_name="sonar-explore", standalone_mode=False)
+        sys.stdout.flush()
+        return status if isinstance(status, int) else 0
+    except SonarExploreError as error:
+        return _complain(str(error))
+    except click.ClickException as error:
+        return _complain(error.format_message())
+    except (KeyboardInterrupt, click.Abort):
+        return _complain("interrupted", EXIT_INTERRUPTED)
+    except BrokenPipeError:
+        os.dup2(
+            os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno()
+        )  # or the interpreter's last flush complains
+        return EXIT_BROKEN_PIPE
+
+
+def _complain(message: str, status: int = EXIT_BAD_INPUT) -> int:
+    line = " ".join(message.split())
+    click.echo(f"sonar-explore: {line}", err=True)
+    return status
+
+
+class _Commands(click.Group):
+    """Names its commands when one is unknown, and leaves Ctrl-C and broken pipes to `main`."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
+            from sonar_explore.errors import unknown_name
+
+            raise unknown_name("command", args[0], self.list_commands(ctx))
+        return super().resolve_command(ctx, args)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as error:
+            raise click.Abort from error  # click itself would print an empty line first
+
+
+def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        click.echo(f"sonar-explore {version('sonar-explore')}")
+        ctx.exit()
+
+
+@click.group(
+    cls=_Commands, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]}
+)
+@click.option(
+    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Show the version."
+)
+@click.pass_context
+def commands(ctx: click.Context) -> None:
+    """A simulated robot with nothing but sonar explores an unknown building."""
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help())
+
+
+@commands.command()
+@click.argument("world")
+@click.option("--agent", default="frontier", show_default=True, help="Policy: a known name, or module:Name.")
+@click.option("--slam", default="chain", show_default=True, help="chain, off or truth.")
+@click.option("--noise", default="paper", show_default=True, help="Odometry: paper, ideal or worn.")
+@click.option(
+    "--seed", type=click.IntRange(0, SEED_MAX), default=0, show_default=True, help="Of world and robot."
+)
+@click.option("--out", type=click.Path(path_type=Path), help="Folder for episode.json and report.html.")
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as one JSON object, nothing else.")
+@click.option("--max-scans", type=click.IntRange(1), help="End after this many scans.")
+def run(
+    world: str,
+    agent: str,
+    slam: str,
+    noise: str,
+    seed: int,
+    out: Path | None,
+    as_json: bool,
+    max_scans: int | None,
+) -> None:
+    """Explore WORLD, a shipped world's name or a world file, and report on it."""
+    from sonar_explore.episodes.files import save_record, writable_folder
+
+    folder = out or default_folder(world, agent, slam, noise, seed)
+    with writable_folder(folder):
+        record = _explore(world, agent, slam, noise, seed, max_scans, quiet=as_json)
+        save_record(record, folder / "episode.json")
+        report_file = folder / "report.html"
+        _report(record, report_file)
+    if as_json:
+        import msgspec
+
+        click.echo(msgspec.json.encode(record.summary).decode())
+    else:
+        _print_summary(record)
+        click.echo(f"report: {report_file}")
+
+
+@commands.command()
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON array.")
+def worlds(as_json: bool) -> None:
+    """List the worlds that are shipped."""
+    from sonar_explore.envs.world import load_world, shipped_worlds
+
+    loaded = [load_world(name) for name in shipped_worlds()]
+    _print_list(
+        [
+            {
+                "name": world.name,
+                "title": world.title,
+                "walls": len(world.walls),
+                "loop": bool(world.has_loop),
+            }
+            for world in loaded
+        ],
+        as_json,
+    )
+
+
+@commands.command()
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON array.")
+def agents(as_json: bool) -> None:
+    """List the exploration policies that are installed."""
+    from sonar_explore.agents import known_agents
+
+    _print_list([{"name": name, "about": about} for name, about in sorted(known_agents().items())], as_json)
+
+
+@commands.command()
+@click.argument("episode", type=click.Path(path_type=Path))
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="Page to write; default: report.html beside EPISODE."
+)
+def report(episode: Path, out: Path | None) -> None:
+    """Make the report of EPISODE, an episode.json, again."""
+    from sonar_explore.episodes.files import load_record
+
+    page = out or episode.with_name("report.html")
+    _report(load_record(episode), page)
+    click.echo(f"report: {page}")
+
+
+def default_folder(world: str, agent: str, slam: str, noise: str, seed: int) -> Path:
+    """`runs/<world>-<agent>-<slam>-<noise>-<seed>`, one folder deep whatever the world is called."""
+    name = "-".join((world, agent, slam, noise, str(seed)))
+    return Path("runs") / name.strip("/.").replace("/", "-").replace(os.sep, "-").replace(":", "-")
+
+
+def _explore(
+    world: str, agent: str, slam: str, noise: str, seed: int, max_scans: int | None, *, quiet: bool
+) -> EpisodeRecord:
+    from sonar_explore.episodes.run import run_episode
+
+    with _progress(quiet) as on_step:
+        return run_episode(world, agent, slam, noise, seed, config=_config(max_scans), on_step=on_step)
+
+
+def _config(max_scans: int | None) -> Any:
+    """The runner's configuration, None for its defaults."""
+    if max_scans is None:
+        return None
+    from sonar_explore.episodes.run import ExplorationConfig
+
+    return ExplorationConfig(max_scans=max_scans)
+
+
+def _report(record: EpisodeRecord, page: Path) -> None:
+    from sonar_explore.reports.episode import write_episode_report
+
+    write_episode_report(record, page)
+
+
+def _progress(quiet: bool) -> AbstractContextManager[Callable[[StepRecord], None]]:
+    """A live line on stderr, or nothing where nobody reads it."""
+    from contextlib import nullcontext
+
+    if quiet or not sys.stderr.isatty():
+        return nullcontext(lambda _: None)
+    from sonar_explore.reports.progress import live_line
+
+    return live_line()
+
+
+def _print_summary(record: EpisodeRecord) -> None:
+    from sonar_explore.reports.progress import summary_table
+
+    _print_table(summary_table(record.summary))
+
+
+def _print_list(rows: list[dict[str, Any]], as_json: bool) -> None:
+    if as_json:
+        import json
+
+        click.echo(json.dumps(rows))
+        return
+    from sonar_explore.reports.progress import list_table
+
+    _print_table(list_table(rows))
+
+
+def _print_table(table: Any) -> None:
+    from rich.console import Console
+
+    Console(highlight=False, markup=False).print(table)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,112 @@
+"""The page of one episode: a single html file that opens anywhere, with no network."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from sonar_explore.episodes.files import write_atomically
+from sonar_explore.episodes.record import EpisodeRecord, Summary
+from sonar_explore.errors import SonarExploreError
+from sonar_explore.reports import scene
+from sonar_explore.reports.charts import episode_charts
+from sonar_explore.reports.frame import frame_of, scale_bar
+from sonar_explore.reports.raster import grid_png
+
+
+def write_episode_report(record: EpisodeRecord, path: Path) -> None:
+    """Write the report of `record` to `path`, whole or not at all."""
+    write_atomically(path, episode_page(record).encode())
+
+
+def episode_page(record: EpisodeRecord) -> str:
+    """The page; the same record gives the same text."""
+    if not record.steps:
+        raise SonarExploreError("an episode without a scan has nothing to report")
+    templates = _templates()
+    frame = frame_of(record)
+    return templates.get_template("episode.html").render(
+        record=record,
+        summary=record.summary,
+        tiles=tiles(record.summary),
+        frame=frame,
+        bar_m=scale_bar(frame),
+        grid=grid_png(record.grid),
+        chains=scene.chain_rows(record),
+        past=scene.past_walls(record),
+        cut=scene.cut_associations(record),
+        drives=[
+            (step, scene.drive(step, before), scene.true_drive(step, before))
+            for before, step in zip([None, *record.steps], record.steps, strict=False)
+        ],
+        charts=episode_charts(record),
+        degrees=math.degrees,
+        style=_verbatim(templates, "episode.css"),
+        script=_verbatim(templates, "episode.js"),
+        data=_script_json({"scans": scene.scan_data(record, frame), "robot": frame.length(0.18)}),
+        config=msgspec.json.format(msgspec.json.encode(record.config)).decode(),
+    )
+
+
+def tiles(summary: Summary) -> list[tuple[str, str, str]]:
+    """(label, value, note) of the key figures."""
+    position, heading = summary.position_error_m, summary.heading_error_deg
+    wall_error = "no occupied cell" if summary.wall_error_m is None else f"{summary.wall_error_m:.3f} m off"
+    loop = {None: "none", True: "closed", False: "open"}[summary.loop_closed]
+    return [
+        ("Explored", f"{100 * summary.explored_fraction:.1f} %", f"{summary.decisions} decisions"),
+        (
+            "Position error",
+            f"{position.final:.3f} m",
+            f"at the end; mean\u00a0{position.mean:.3f}, max\u00a0{position.max:.3f}",
+        ),
+        (
+            "Heading error",
+            f"{heading.final:.1f}°",
+            f"at the end; mean\u00a0{heading.mean:.1f}, max\u00a0{heading.max:.1f}",
+        ),
+        ("Walls found", f"{100 * summary.wall_recall:.0f} %", wall_error),
+        ("False-free", f"{100 * summary.false_free_fraction:.2f} %", "cells called free that are not"),
+        (
+            "Driven",
+            f"{summary.path_length_m:.1f} m",
+            f"{summary.scans} scans, {_duration(summary.sim_time_s)}",
+        ),
+        ("Contacts", str(summary.contacts), "with walls"),
+        ("Chains", str(summary.chains), f"{summary.dangling_chains} dangling, {summary.merges} merged"),
+        ("Loop", loop, "in this world"),
+    ]
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}\u00a0min {rest:02d}\u00a0s"
+
+
+def _templates() -> Environment:
+    return Environment(
+        loader=PackageLoader("sonar_explore.reports"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def _verbatim(templates: Environment, name: str) -> Markup:
+    """One of our own files, as it is."""
+    assert templates.loader is not None
+    return Markup(templates.loader.get_source(templates, name)[0])
+
+
+def _script_json(data: Any) -> Markup:
+    """JSON that no text in it can break out of a script element."""
+    text = msgspec.json.encode(data).decode()
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return Markup(text)

@@ -1,0 +1,76 @@
+"""What a terminal shows: a live line while an episode runs, and tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from sonar_explore.episodes.record import StepRecord, Summary
+
+
+@contextmanager
+def live_line() -> Iterator[Callable[[StepRecord], None]]:
+    """A spinner on stderr; call what it gives with each step."""
+    console = Console(stderr=True, highlight=False)
+    with console.status("starting") as status:
+        yield lambda step: status.update(Text(step_line(step)))
+
+
+def step_line(step: StepRecord) -> str:
+    """Scans, explored share and position error, in one line."""
+    error = math.dist(step.pose[:2], step.true_pose[:2])
+    return (
+        f"scan {step.index + 1}  explored {100 * step.explored_fraction:.0f} %  position error {error:.2f} m"
+    )
+
+
+def summary_table(summary: Summary) -> Table:
+    """The figures of an episode that a reader asks for first."""
+    position, heading = summary.position_error_m, summary.heading_error_deg
+    rows = [
+        ("ended", summary.end_reason),
+        ("explored", f"{100 * summary.explored_fraction:.1f} % in {summary.scans} scans"),
+        ("driven", f"{summary.path_length_m:.1f} m, {summary.contacts} contacts"),
+        (
+            "position error",
+            f"{position.final:.3f} m at the end, mean {position.mean:.3f}, max {position.max:.3f}",
+        ),
+        (
+            "heading error",
+            f"{heading.final:.1f} deg at the end, mean {heading.mean:.1f}, max {heading.max:.1f}",
+        ),
+        ("walls found", f"{100 * summary.wall_recall:.0f} %"),
+        ("chains", f"{summary.chains}, {summary.dangling_chains} dangling, {summary.merges} merged"),
+    ]
+    if summary.loop_closed is not None:
+        rows.append(("loop", "closed" if summary.loop_closed else "open"))
+    title = (
+        f"{summary.world}, {summary.agent}, slam {summary.slam}, noise {summary.noise}, seed {summary.seed}"
+    )
+    table = Table(title=Text(title), title_justify="left", show_header=False, box=box.SIMPLE)
+    for label, value in rows:
+        table.add_row(Text(label, style="dim"), Text(value))
+    return table
+
+
+def list_table(rows: list[dict[str, Any]]) -> Table:
+    """Rows of like dicts; yes and no for truth."""
+    table = Table(box=box.SIMPLE)
+    for name in rows[0] if rows else []:
+        table.add_column(name, justify="right" if type(rows[0][name]) is int else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*(Text(_cell(value)) for value in row.values()))
+    return table
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return str(value)

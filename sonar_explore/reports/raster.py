@@ -1,0 +1,47 @@
+"""The occupancy grid as a tiny indexed PNG, so that it can stand inside the page."""
+
+from __future__ import annotations
+
+import base64
+import struct
+import zlib
+
+import numpy as np
+
+from sonar_explore.episodes.record import GridRecord
+from sonar_explore.errors import SonarExploreError
+
+PALETTE = bytes((0, 0, 0, 120, 150, 185, 70, 75, 85))  # unknown, free, occupied: red, green, blue each
+OPACITY = bytes((0, 44, 92))  # unknown is clear: the page shows through, light or dark
+
+
+def grid_states(grid: GridRecord) -> np.ndarray:
+    """States as uint8, shape (rows, columns), row 0 the lowest y."""
+    try:
+        raw = zlib.decompress(base64.b64decode(grid.states, validate=True))
+        states = np.frombuffer(raw, np.uint8).reshape(grid.shape)
+    except (ValueError, zlib.error) as error:
+        raise SonarExploreError(f"the record's grid cannot be unpacked: {error}") from error
+    return np.minimum(states, 2)
+
+
+def grid_png(grid: GridRecord) -> str:
+    """A `data:` address of the grid, highest y first as pictures have it."""
+    rows = grid_states(grid)[::-1]
+    height, width = rows.shape
+    lines = b"".join(b"\0" + row.tobytes() for row in rows)
+    png = b"\x89PNG\r\n\x1a\n" + b"".join(
+        _chunk(*part)
+        for part in (
+            (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 3, 0, 0, 0)),
+            (b"PLTE", PALETTE),
+            (b"tRNS", OPACITY),
+            (b"IDAT", zlib.compress(lines, 9)),
+            (b"IEND", b""),
+        )
+    )
+    return "data:image/png;base64," + base64.b64encode(png).decode()
+
+
+def _chunk(name: bytes, content: bytes) -> bytes:
+    return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
