@@ -1,0 +1,35 @@
+"""SLAM by feature chains and link graphs: section III of the paper, one file for each of its parts."""
+
+from __future__ import annotations
+
+from sonar_explore.errors import unknown_name
+from sonar_explore.geometry import Pose
+from sonar_explore.slam.base import ScanEntry, ScanUpdate, ScoredAssociation, Slam, SlamConfig
+from sonar_explore.slam.chains import Chain, ChainMap, Link
+from sonar_explore.slam.features import Feature, FeatureKind
+from sonar_explore.slam.slam import ChainSlam, DeadReckoning, KnownPose
+
+__all__ = [
+    "SLAMS",
+    "Chain",
+    "ChainMap",
+    "ChainSlam",
+    "Feature",
+    "FeatureKind",
+    "Link",
+    "ScanEntry",
+    "ScanUpdate",
+    "ScoredAssociation",
+    "Slam",
+    "SlamConfig",
+    "make_slam",
+]
+
+SLAMS: dict[str, type[ChainSlam]] = {"chain": ChainSlam, "off": DeadReckoning, "truth": KnownPose}
+
+
+def make_slam(name: str, start: Pose, config: SlamConfig | None = None) -> Slam:
+    """`chain` corrects the pose, `off` trusts the odometry, `truth` is told every pose from outside."""
+    if name not in SLAMS:
+        raise unknown_name("slam", name, SLAMS)
+    return SLAMS[name](start, config or SlamConfig())

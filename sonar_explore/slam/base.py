@@ -1,0 +1,127 @@
+"""What the rest of the program sees of SLAM: its configuration, its protocol and what an update says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Protocol
+
+from sonar_explore.errors import SonarExploreError
+from sonar_explore.geometry import Pose
+from sonar_explore.measurement import Scan
+from sonar_explore.slam.association import Association, AssociationConfig
+from sonar_explore.slam.chains import ChainMap
+from sonar_explore.slam.dual import Merge
+from sonar_explore.slam.features import Feature, FeatureConfig
+from sonar_explore.slam.link_graph import LinkGraphConfig, LinkGraphs
+from sonar_explore.slam.localization import Correction, LocalizationConfig
+from sonar_explore.slam.probability import ProbabilityConfig
+
+
+@dataclass(frozen=True)
+class SlamConfig:
+    """Every number of section III that is a choice; the defaults are the paper's or READING's."""
+
+    features: FeatureConfig = field(default_factory=FeatureConfig)
+    association: AssociationConfig = field(default_factory=AssociationConfig)
+    link_graph: LinkGraphConfig = field(default_factory=LinkGraphConfig)
+    probability: ProbabilityConfig = field(default_factory=ProbabilityConfig)
+    localization: LocalizationConfig = field(default_factory=LocalizationConfig)
+
+    def __post_init__(self) -> None:
+        _check_positive(self, "slam")
+        if self.features.range_min_m >= self.features.range_max_m:
+            raise SonarExploreError("slam.features.range_min_m must be less than range_max_m")
+
+
+def _check_positive(config: object, path: str) -> None:
+    for item in fields(config):  # type: ignore[arg-type]
+        value, name = getattr(config, item.name), f"{path}.{item.name}"
+        if is_dataclass(value):
+            _check_positive(value, name)
+        elif not value > 0:
+            raise SonarExploreError(f"{name} must be greater than zero, not {value!r}")
+
+
+@dataclass(frozen=True)
+class ScoredAssociation:
+    """One edge of the initial link graph and what became of it."""
+
+    association: Association
+    kept: bool
+    """In the final winner (section III.C)."""
+    adr_rad: float
+    """Signed angle from the feature to the root of the chain, before the correction, [rad]."""
+    ndr_m: float
+    """Signed normal distance to the root's line, before the correction, [m]."""
+    probability: float
+    """P(association), equation (2); 0 where not kept."""
+    w1: float
+    """P(root) of the chain."""
+    w2: float
+    """Half of P(association)."""
+    w3: float
+    """By distance from the robot (figure 11)."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScanEntry:
+    """One scan so far, at the pose now believed."""
+
+    pose: Pose
+    """`pose_robot_in_map` when the scan began."""
+    scan: Scan
+    features: tuple[Feature, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ScanUpdate:
+    """What one scan did to the belief."""
+
+    index: int
+    """Of the scan, from 0."""
+    predicted_pose: Pose
+    """`pose_robot_in_map` before the correction."""
+    pose: Pose
+    """After it."""
+    features: tuple[Feature, ...]
+    associations: tuple[ScoredAssociation, ...]
+    """Every edge of the initial link graph."""
+    link_graphs: LinkGraphs
+    """The initial graph, the fits and the winner (figures 6 to 9)."""
+    correction: Correction
+    new_chains: tuple[int, ...]
+    """Ids of the chains that this scan rooted."""
+    merges: tuple[Merge, ...]
+    dangling: tuple[int, ...]
+    """Ids of the chains that dangle after this scan."""
+
+
+class Slam(Protocol):
+    """Measurements in, belief out."""
+
+    @property
+    def pose(self) -> Pose:
+        """`pose_robot_in_map`; the heading runs on through full turns."""
+        ...
+
+    @property
+    def chains(self) -> ChainMap:
+        """All feature chains."""
+        ...
+
+    @property
+    def scans(self) -> tuple[ScanEntry, ...]:
+        """Every scan so far, in order."""
+        ...
+
+    def predict(self, pose_robot_in_odometry: Pose) -> Pose:
+        """Carry the belief along with the odometry since the last call."""
+        ...
+
+    def place(self, pose_robot_in_map: Pose) -> None:
+        """Say from outside where the robot stands when the next scan begins."""
+        ...
+
+    def update(self, scan: Scan) -> ScanUpdate:
+        """Take one scan: extract, associate, correct, grow the chains."""
+        ...

@@ -1,0 +1,197 @@
+"""Regions of constant depth: headings over which a sonar hears one thing (section II, READING section 4).
+
+While a flat wall's normal lies inside the beam, the first echo comes from the foot of that normal,
+whatever the heading: the depth is the perpendicular distance, and it stays constant for about a beam width.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from sonar_explore.errors import SonarExploreError
+from sonar_explore.geometry import Array
+from sonar_explore.measurement import Scan
+
+LARGEST_GAP_STEPS = 2.0  # headings farther apart than this many usual steps do not follow one another
+TIE_M = 1e-9  # spreads closer than this are equal: the choice must not hang on the last bit
+
+
+@dataclass(frozen=True, slots=True)
+class Rcd:
+    """One region of constant depth, counter-clockwise whichever way the robot turned."""
+
+    readings: tuple[int, ...]
+    """Indices into the scan's readings, counter-clockwise."""
+    first_rad: float
+    """Bearing of the beam at the first reading, in the robot frame at the start of the scan, [rad]."""
+    last_rad: float
+    """Bearing at the last reading, not less than `first_rad`, [rad]."""
+    depth_m: float
+    """Median perpendicular distance from the robot's centre, the middle bearing being the normal, [m]."""
+    echo_m: float
+    """Median distance from the sonar disc, [m]."""
+
+    @property
+    def bearing_rad(self) -> float:
+        """Middle bearing: the direction of the wall's normal, [rad]."""
+        return 0.5 * (self.first_rad + self.last_rad)
+
+    @property
+    def width_rad(self) -> float:
+        """From the first to the last heading that heard it, [rad].
+
+        This is never more than the angle over which the thing can be heard, and at most one scan step
+        less on either side: in steps of 4 degrees a plane 2 m away (heard over 22.6 degrees) measures 16 or
+        20 and a far edge (heard over 8.8) 4 or 8, so a limit of 10 degrees tells them apart.
+        """
+        return self.last_rad - self.first_rad
+
+
+@dataclass(frozen=True, eq=False)
+class _Sweep:
+    """A scan's readings put counter-clockwise, written twice over so that no run ends at the seam."""
+
+    order: NDArray[np.intp]
+    """Index into the scan's readings, shape (2 n,)."""
+    bearings: Array
+    """Direction of the beam in the robot frame, rising, shape (2 n,), [rad]."""
+    ranges: Array
+    """From the disc, shape (2 n,), [m]."""
+    joined: NDArray[np.bool_]
+    """Whether each reading and the next both heard something, one step apart, shape (2 n - 1,)."""
+    lever_m: float
+    """Distance of the disc from the robot's centre, [m]."""
+    lever_rad: float
+    """Direction of that lever, relative to the beam, [rad]."""
+
+
+def check_scan(scan: Scan) -> None:
+    """Raise a one-line error where a scan cannot be one."""
+    headings, ranges = np.asarray(scan.headings_rad), np.asarray(scan.ranges_m)
+    if headings.ndim != 1 or headings.shape != ranges.shape or headings.size < 3:
+        raise SonarExploreError(
+            f"a scan needs headings and ranges of one shape (n,), n >= 3; "
+            f"got {headings.shape} and {ranges.shape}"
+        )
+    if not np.isfinite(ranges).all() or (ranges < 0.0).any():
+        raise SonarExploreError(
+            "a scan's ranges must be finite and not negative; report range_max_m for no echo"
+        )
+    steps = np.diff(headings)
+    if not np.isfinite(headings).all() or not ((steps > 0.0).all() or (steps < 0.0).all()):
+        raise SonarExploreError("a scan's headings must be finite and run one way round")
+    odometry = scan.pose_robot_in_odometry
+    if not all(map(math.isfinite, (odometry.x, odometry.y, odometry.heading))):
+        raise SonarExploreError("a scan's odometry must be finite")
+
+
+def compensated_ranges(scan: Scan) -> Array:
+    """Each reading as a range from the robot's centre along its bearing, shape (n,), [m].
+
+    The disc turns with the robot, so its lever along the beam is the same for every reading.
+    """
+    mount = scan.pose_sonar_in_robot
+    along_beam = mount.x * math.cos(mount.heading) + mount.y * math.sin(mount.heading)
+    return np.asarray(scan.ranges_m, dtype=float) + along_beam
+
+
+def regions_of_constant_depth(scan: Scan, tolerance_m: float) -> tuple[Rcd, ...]:
+    """All runs of two readings or more whose depths stay within `tolerance_m` of the run's median.
+
+    The longest run is taken first (ties: the smaller spread, then the nearer) and its readings are used up.
+    Measuring against the median, not from reading to reading, keeps a slow drift from chaining on for ever,
+    and longest-first does not care where the scan began or which way it turned.
+    """
+    check_scan(scan)
+    sweep = _sweep(scan)
+    n = len(sweep.order) // 2
+    taken = np.zeros(n, dtype=bool)
+    regions = []
+    for start, length in _runs_longest_first(sweep, tolerance_m):
+        # No run taken so far is shorter than this one, so an overlap must cover one of its ends.
+        if taken[start] or taken[(start + length - 1) % n]:
+            continue
+        taken[np.arange(start, start + length) % n] = True
+        regions.append(_region(sweep, start, length))
+    return tuple(sorted(regions, key=lambda region: math.remainder(region.bearing_rad, math.tau)))
+
+
+def _sweep(scan: Scan) -> _Sweep:
+    mount = scan.pose_sonar_in_robot
+    order = np.arange(len(scan.headings_rad))
+    if scan.headings_rad[-1] < scan.headings_rad[0]:
+        order = order[::-1]
+    once = np.asarray(scan.headings_rad, dtype=float)[order] + mount.heading
+    bearings = np.concatenate([once, once + math.tau])
+    ranges = np.tile(np.asarray(scan.ranges_m, dtype=float)[order], 2)
+    steps, heard = np.diff(bearings), ranges < scan.range_max_m
+    close = (steps > 0.0) & (steps <= LARGEST_GAP_STEPS * np.median(steps))
+    return _Sweep(
+        order=np.tile(order, 2),
+        bearings=bearings,
+        ranges=ranges,
+        joined=close & heard[:-1] & heard[1:],
+        lever_m=math.hypot(mount.x, mount.y),
+        lever_rad=math.atan2(mount.y, mount.x) - mount.heading,
+    )
+
+
+def _depths(sweep: _Sweep, length: int) -> Array:
+    """Perpendicular distance from the centre of every run of this length, shape (n, length), [m].
+
+    A wall with normal bearing b is heard at range D - lever . normal: the disc's lever is added back
+    along the run's middle bearing.
+    """
+    n = len(sweep.order) // 2
+    bearings = sliding_window_view(sweep.bearings, length)[:n]
+    normals = 0.5 * (bearings[:, :1] + bearings[:, -1:])
+    lever = sweep.lever_m * np.cos(bearings + sweep.lever_rad - normals)
+    return sliding_window_view(sweep.ranges, length)[:n] + lever
+
+
+def _runs_longest_first(sweep: _Sweep, tolerance_m: float) -> list[tuple[int, int]]:
+    """(start, length) of every run that is constant, longest first, then flattest, then nearest."""
+    n = len(sweep.order) // 2
+    breaks = np.concatenate([[0], np.cumsum(~sweep.joined)])
+    found: list[tuple[int, float, float, int]] = []
+    for length in range(2, n + 1):
+        whole = breaks[length - 1 : length - 1 + n] == breaks[:n]
+        if not whole.any():
+            break
+        depths = _depths(sweep, length)
+        medians = np.median(depths, axis=1)
+        spreads = np.abs(depths - medians[:, None]).max(axis=1)
+        starts = np.flatnonzero(whole & (spreads <= tolerance_m))
+        if not starts.size:
+            break
+        found += [(-length, round(spreads[s] / TIE_M) * TIE_M, round(medians[s], 9), int(s)) for s in starts]
+    return [(start, -negative_length) for negative_length, _, _, start in sorted(found)]
+
+
+def _region(sweep: _Sweep, start: int, length: int) -> Rcd:
+    run = slice(start, start + length)
+    turns = math.tau * round((0.5 * (sweep.bearings[run][0] + sweep.bearings[run][-1])) / math.tau)
+    first, last = sweep.bearings[start] - turns, sweep.bearings[start + length - 1] - turns
+    lever = sweep.lever_m * np.cos(sweep.bearings[run] - turns + sweep.lever_rad - 0.5 * (first + last))
+    return Rcd(
+        readings=tuple(int(i) for i in sweep.order[run]),
+        first_rad=float(first),
+        last_rad=float(last),
+        depth_m=float(np.median(sweep.ranges[run] + lever)),
+        echo_m=float(np.median(sweep.ranges[run])),
+    )
+
+
+def split(scan: Scan, region: Rcd, parts: int) -> list[Rcd]:
+    """Cut a region into parts of (as nearly as the readings allow) equal width."""
+    sweep = _sweep(scan)
+    n = len(sweep.order) // 2
+    start = int(np.flatnonzero(sweep.order[:n] == region.readings[0])[0])
+    cuts = np.linspace(0, len(region.readings), parts + 1).round().astype(int)
+    return [_region(sweep, (start + int(a)) % n, int(b - a)) for a, b in pairwise(cuts) if b > a]

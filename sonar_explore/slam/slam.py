@@ -1,0 +1,175 @@
+"""The paper's SLAM: feature chains and link graphs, scan by scan (section III)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sonar_explore.amigobot import AmigoBot
+from sonar_explore.errors import SonarExploreError
+from sonar_explore.geometry import Array, Pose
+from sonar_explore.measurement import Scan
+from sonar_explore.slam.association import Association, associate
+from sonar_explore.slam.base import ScanEntry, ScanUpdate, ScoredAssociation, SlamConfig
+from sonar_explore.slam.chains import ChainMap, Link
+from sonar_explore.slam.dual import Merge, merge_dual_associations, surviving
+from sonar_explore.slam.features import Feature, FeatureKind, extract_features
+from sonar_explore.slam.link_graph import LinkGraphs, fit_link_graphs
+from sonar_explore.slam.localization import Correction, Weights, association_weights, localize
+from sonar_explore.slam.probability import RootCertainty, association_probabilities
+from sonar_explore.slam.residuals import Residuals, residuals_to_roots
+
+
+class ChainSlam:
+    """Corrects the pose at every scan against the roots of the chains that the scan meets again."""
+
+    def __init__(self, start: Pose, config: SlamConfig, robot: AmigoBot | None = None) -> None:
+        self.config = config
+        self.robot = robot or AmigoBot()
+        self.pose = start
+        self.chains = ChainMap()
+        self._entries: list[ScanEntry] = []
+        self._certainty: RootCertainty | None = None
+        self._odometry: Pose | None = None
+        self._placed: Pose | None = None
+
+    @property
+    def scans(self) -> tuple[ScanEntry, ...]:
+        """Every scan so far, in order, at the poses now believed."""
+        return tuple(self._entries)
+
+    def predict(self, pose_robot_in_odometry: Pose) -> Pose:
+        """Carry the belief along with the odometry since the last call; the first call sets the reference.
+
+        A scan ends a full turn from where it began. Whether the next odometry counts that turn or not,
+        only the heading's count of turns differs.
+        """
+        if self._odometry is not None:
+            self.pose = self.pose @ (self._odometry.inverse() @ pose_robot_in_odometry)
+        self._odometry = pose_robot_in_odometry
+        return self.pose
+
+    def place(self, pose_robot_in_map: Pose) -> None:
+        """Say from outside where the robot stands when the next scan begins: that scan is mapped there."""
+        if not all(map(math.isfinite, (pose_robot_in_map.x, pose_robot_in_map.y, pose_robot_in_map.heading))):
+            raise SonarExploreError("a placed pose must be finite")
+        turns = math.tau * round((self.pose.heading - pose_robot_in_map.heading) / math.tau)
+        self.pose = replace(pose_robot_in_map, heading=pose_robot_in_map.heading + turns)
+        self._placed = self.pose
+
+    def update(self, scan: Scan) -> ScanUpdate:
+        """One scan, through section III in its order."""
+        config, index = self.config, len(self._entries)
+        features = extract_features(scan, config.features)
+        predicted = self._predicted_at(scan)
+        associations = associate(predicted, features, self.chains, config.association)
+        residuals = residuals_to_roots(predicted, features, associations, self.chains)
+        graphs = fit_link_graphs(associations, residuals, config.link_graph)
+        kept = residuals.only(graphs.final)
+        probability = np.zeros(len(associations))
+        probability[graphs.final] = association_probabilities(graphs.kept, kept.adr_rad, config.probability)
+        weights = association_weights(residuals, probability)
+        correction = self._correct(graphs, kept, weights.only(graphs.final))
+        self.pose = correction.applied_to(predicted)
+        merges = merge_dual_associations(self.chains, graphs.kept)
+        links = self._links(index, features)
+        self._grow_chains(links, graphs.kept, merges)
+        new_chains = self._root_new_chains(links, graphs.kept, kept.root_probability)
+        self._entries.append(ScanEntry(self.pose, scan, features))
+        return ScanUpdate(
+            index=index,
+            predicted_pose=predicted,
+            pose=self.pose,
+            features=features,
+            associations=_scored(graphs, residuals, probability, weights),
+            link_graphs=graphs,
+            correction=correction,
+            new_chains=new_chains,
+            merges=merges,
+            dangling=self.chains.dangling,
+        )
+
+    def _predicted_at(self, scan: Scan) -> Pose:
+        """Where the scan began: by odometry, or as placed."""
+        self.predict(scan.pose_robot_in_odometry)
+        if self._placed is not None:
+            self.pose, self._placed = self._placed, None
+        return self.pose
+
+    def _correct(self, graphs: LinkGraphs, kept: Residuals, weights: Weights) -> Correction:
+        """III.F: nothing to correct by, or no consensus: no correction."""
+        several, survivors = len(graphs.associations) > 1, len(graphs.kept)
+        if several and survivors < self.config.localization.min_consensus:
+            return Correction()
+        return localize(kept, weights, self.config.localization)
+
+    def _links(self, index: int, features: Sequence[Feature]) -> dict[int, Link]:
+        """The walls of this scan by feature index, placed by the corrected pose."""
+        return {
+            i: Link(feature.segment.transformed(self.pose), index, i, feature)
+            for i, feature in enumerate(features)
+            if feature.kind is FeatureKind.WALL
+        }
+
+    def _grow_chains(
+        self, links: dict[int, Link], kept: Sequence[Association], merges: Sequence[Merge]
+    ) -> None:
+        """III.C: features of the final link graph become links, once in each chain."""
+        for feature, chain in sorted({(a.feature, surviving(a.chain, merges)) for a in kept}):
+            self.chains.add_link(chain, links[feature])
+
+    def _root_new_chains(
+        self, links: dict[int, Link], kept: Sequence[Association], kept_root_probability: Array
+    ) -> tuple[int, ...]:
+        """III.A, III.E: every other wall becomes a root.
+
+        The first scan that hears a wall at all is the first scan: before it there is nothing to be unsure of.
+        """
+        if not links:
+            return ()
+        self._certainty = (
+            self._certainty.after(kept_root_probability) if self._certainty else RootCertainty.of_first_scan()
+        )
+        associated = {a.feature for a in kept}
+        return tuple(
+            self.chains.add_root(link, self._certainty.probability, dangling=self._certainty.dangling)
+            for feature, link in links.items()
+            if feature not in associated
+        )
+
+
+class DeadReckoning(ChainSlam):
+    """`off`: the same chains on the same associations, and no correction."""
+
+    def _correct(self, graphs: LinkGraphs, kept: Residuals, weights: Weights) -> Correction:
+        return Correction()
+
+
+class KnownPose(DeadReckoning):
+    """`truth`: somebody outside says before every scan where the robot stands."""
+
+    def _predicted_at(self, scan: Scan) -> Pose:
+        if self._placed is None:
+            raise SonarExploreError("slam 'truth' is told every pose: call place() before each update()")
+        return super()._predicted_at(scan)
+
+
+def _scored(
+    graphs: LinkGraphs, residuals: Residuals, probability: Array, weights: Weights
+) -> tuple[ScoredAssociation, ...]:
+    return tuple(
+        ScoredAssociation(
+            association=association,
+            kept=bool(graphs.final[i]),
+            adr_rad=float(residuals.adr_rad[i]),
+            ndr_m=float(residuals.ndr_m[i]),
+            probability=float(probability[i]),
+            w1=float(weights.w1[i]),
+            w2=float(weights.w2[i]),
+            w3=float(weights.w3[i]),
+        )
+        for i, association in enumerate(graphs.associations)
+    )
