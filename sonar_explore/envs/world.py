@@ -21,6 +21,8 @@ from sonar_explore.geometry import Array, Pose
 
 MAX_EXTENT_M = 1000.0
 """A larger world has its unit wrong (millimetres, pixels)."""
+MAX_COORDINATE_M = 1e8
+"""Farther from the origin a double no longer resolves the robot's motion, [m]."""
 MAX_WALLS = 20_000
 MAX_CYLINDERS = 5_000
 MIN_WALL_M = 1e-6
@@ -68,7 +70,7 @@ class World:
         return float(x_min), float(y_min), float(x_max), float(y_max)
 
     def clearance(self, points: Array) -> Array:
-        """Distance of points, shape (n, 2) [m], to the nearest wall or cylinder; negative inside a cylinder."""
+        """Distance of points (n, 2) to the nearest wall or cylinder, [m]; negative inside a cylinder."""
         nearest = np.full(len(points), np.inf)
         step = max(1, _CHUNK // (len(self.walls) + 1))
         for i in range(0, len(points), step):
@@ -107,9 +109,10 @@ def load_world(name_or_path: str | Path) -> World:
         return _reader(path.suffix.lower())(path)
     if path.is_file():
         raise SonarExploreError(
-            f"{path.name}: no reader for a world file that ends in {path.suffix!r}; known: {', '.join(_READERS)}"
+            f"{path.name}: no reader for files that end in {path.suffix!r}; known: {', '.join(_READERS)}"
         )
-    raise unknown_name("world", name_or_path, [*shipped_worlds(), f"a file ({', '.join(_READERS)})"])
+    known = unknown_name("world", name_or_path, shipped_worlds())
+    raise SonarExploreError(f"{known}, or a file that ends in {', '.join(_READERS)}")
 
 
 def read_bytes(path: Path) -> bytes:
@@ -117,9 +120,8 @@ def read_bytes(path: Path) -> bytes:
     try:
         data = path.read_bytes()
     except FileNotFoundError:
-        raise SonarExploreError(
-            f"no world file {str(path)!r}; shipped: {', '.join(shipped_worlds())}"
-        ) from None
+        shipped = ", ".join(shipped_worlds())
+        raise SonarExploreError(f"no world file {str(path)!r}; shipped: {shipped}") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise SonarExploreError(f"cannot read the world file {str(path)!r}: {reason}") from None
@@ -148,19 +150,23 @@ def _check_numbers(world: World) -> None:
     for what, array, columns in (("walls", world.walls, 4), ("cylinders", world.cylinders, 3)):
         if array.ndim != 2 or array.shape[1] != columns:
             raise SonarExploreError(f"{world.name}: {what} have shape {array.shape}; expected (n, {columns})")
-        if not np.isfinite(array).all():
-            row = int(np.argwhere(~np.isfinite(array))[0, 0])
-            raise SonarExploreError(f"{world.name}: {what}[{row}] is not finite: {array[row].tolist()}")
+        sane = np.abs(array) <= MAX_COORDINATE_M  # false for NaN as well
+        if not sane.all():
+            row = int(np.argwhere(~sane)[0, 0])
+            raise SonarExploreError(
+                f"{world.name}: {what}[{row}] is no place in metres: {array[row].tolist()}"
+            )
     if world.roughness.shape != (len(world.walls),):
         raise SonarExploreError(
-            f"{world.name}: {world.roughness.shape} roughness for {len(world.walls)} walls"
+            f"{world.name}: roughness has shape {world.roughness.shape}; expected ({len(world.walls)},)"
         )
     if not ((world.roughness >= 0.0) & (world.roughness <= 1.0)).all():
         raise SonarExploreError(f"{world.name}: roughness must lie between 0 and 1")
     if not (world.cylinders[:, 2] > 0.0).all():
         raise SonarExploreError(f"{world.name}: the radius of a cylinder must be above 0")
-    if not np.isfinite([world.start.x, world.start.y, world.start.heading]).all():
-        raise SonarExploreError(f"{world.name}: the start is not finite: {world.start}")
+    start = world.start
+    if not (np.abs([start.x, start.y, start.heading]) <= MAX_COORDINATE_M).all():
+        raise SonarExploreError(f"{world.name}: the start is no place in metres: {start}")
 
 
 def _check_extent(world: World) -> None:
@@ -176,7 +182,7 @@ def _check_extent(world: World) -> None:
     extent = max(x_max - x_min, y_max - y_min)
     if extent > MAX_EXTENT_M:
         raise SonarExploreError(
-            f"{world.name}: {extent:.0f} m across, at most {MAX_EXTENT_M:.0f} m is possible; lengths are metres"
+            f"{world.name}: {extent:.3g} m across; at most {MAX_EXTENT_M:.0f} m is possible (unit: metres)"
         )
 
 

@@ -1,8 +1,8 @@
 """A drawn floor plan, PNG or PGM: bright is free, dark is wall; its edges become few, long, straight walls.
 
-A sonar hears planes, and a staircase of pixels is none. The edge of the free space is therefore cut into runs that
-stay within about half a pixel of a straight line, each run becomes the line fitted to it, and neighbouring lines
-meet where they cross. Specks too small to tell their shape become round columns.
+A sonar hears planes, and a staircase of pixels is none. The edge of the free space is therefore cut into
+runs that stay within about half a pixel of a straight line, each run becomes the line fitted to it, and
+neighbouring lines meet where they cross. Specks too small to tell their shape become round columns.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ def load_image_world(
 ) -> World:
     """The world in a drawing: row 0 on top, the world's origin at the lower left corner of the image.
 
-    Only the free space that holds the start becomes a world, and the edge of the image is a wall. Without a
-    start, it is the largest room of the drawing that does not run off the image, and the robot starts where it has
-    most space (up to 1 m), as near to the middle as that allows.
+    Only the free space that holds the start becomes a world, and the edge of the image is a wall. Without
+    a start, it is the largest free space of the drawing that does not run off the image, and the robot
+    starts where it has most room (up to 1 m), as near to the middle as that allows.
     """
     path = Path(path)
     if not resolution_m > 0.0:
@@ -192,8 +192,8 @@ def _trace(component: Mask, resolution_m: float) -> _Outline:
 
 
 def straighten(ring: Array, tolerance: float = RUN_TOLERANCE_PX) -> Array:
-    """Corners, shape (k, 2), of the polygon of few straight sides that follows a closed ring of points (n, 2)."""
-    ring = _start_at_corner(ring, tolerance)
+    """Corners (k, 2) of the polygon of few straight sides that follows a closed ring of points (n, 2)."""
+    ring = _start_at_corner(ring)
     ends = _corner_indices(ring, tolerance)
     ends = _merge_runs(ring, ends, tolerance)
     if len(ends) < 3:
@@ -204,8 +204,8 @@ def straighten(ring: Array, tolerance: float = RUN_TOLERANCE_PX) -> Array:
     )
 
 
-def _start_at_corner(ring: Array, tolerance: float) -> Array:
-    """The ring turned so that it starts at a corner, which Douglas-Peucker would not find for its own start."""
+def _start_at_corner(ring: Array) -> Array:
+    """The ring turned to start at its outermost point: Douglas-Peucker always keeps the first."""
     far = int(np.hypot(*(ring - ring.mean(axis=0)).T).argmax())
     return np.roll(ring, -far, axis=0)
 

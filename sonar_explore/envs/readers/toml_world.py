@@ -51,7 +51,7 @@ class Cylinder(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Door(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The leaf of an open door: a thin wall from its hinge, its direction counter-clockwise from the x axis."""
+    """The leaf of an open door: a thin wall from its hinge, its angle counter-clockwise from the x axis."""
 
     hinge: Point
     width: Length
@@ -121,6 +121,6 @@ def _check_outside(path: Path, file: WorldFile) -> None:
             shapely.make_valid(shapely.Polygon(polygon.points)), *start
         ):
             raise SonarExploreError(
-                f"{path.name}: the start ({start[0]:.2f}, {start[1]:.2f}) is inside polygon[{i}], which is solid; "
+                f"{path.name}: the start ({start[0]:.2f}, {start[1]:.2f}) is inside the solid polygon[{i}]; "
                 "move the start, or draw a [[wall]] with closed = true for a room"
             )
