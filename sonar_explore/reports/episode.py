@@ -61,14 +61,14 @@ def tiles(summary: Summary) -> list[tuple[str, str, str]]:
     return [
         ("Explored", f"{100 * summary.explored_fraction:.1f} %", f"{summary.decisions} decisions"),
         (
-            "Position error",
+            "Final position error",
             f"{position.final:.3f} m",
-            f"at the end; mean\u00a0{position.mean:.3f}, max\u00a0{position.max:.3f}",
+            f"mean {position.mean:.3f}, max {position.max:.3f}",
         ),
         (
-            "Heading error",
+            "Final heading error",
             f"{heading.final:.1f}°",
-            f"at the end; mean\u00a0{heading.mean:.1f}, max\u00a0{heading.max:.1f}",
+            f"mean {heading.mean:.1f}, max {heading.max:.1f}",
         ),
         ("Walls found", f"{100 * summary.wall_recall:.0f} %", wall_error),
         ("False-free", f"{100 * summary.false_free_fraction:.2f} %", "cells called free that are not"),
@@ -85,7 +85,7 @@ def tiles(summary: Summary) -> list[tuple[str, str, str]]:
 
 def _duration(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes}\u00a0min {rest:02d}\u00a0s"
+    return f"{minutes}\u00a0min\u00a0{rest:02d}\u00a0s"
 
 
 def _templates() -> Environment:

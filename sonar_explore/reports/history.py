@@ -12,7 +12,7 @@ class ChainHistory:
     """Chains as they grew; ids are those of the moment, `final` follows the merges to the end."""
 
     born_in: dict[tuple[int, int], int] = field(default_factory=dict)
-    """Chain that the feature (step, index) joined first."""
+    """Chain that the feature (step, index) joined, once that step's merges were made."""
     roots: set[tuple[int, int]] = field(default_factory=set)
     """Features (step, index) that rooted a chain."""
     merges: dict[int, tuple[int, int]] = field(default_factory=dict)
@@ -36,19 +36,20 @@ def chain_history(record: EpisodeRecord) -> ChainHistory:
             known = grown.get(association.chain, [])
             if known:
                 history.links[step.index, index] = known[min(association.link, len(known) - 1)]
-        for feature, chain in _memberships(step).items():
+        for survivor, absorbed in step.merges:  # before the chains grow, as SLAM does it
+            if history.final(survivor) != absorbed:  # a circle would never end
+                history.merges[absorbed] = (survivor, step.index)
+                grown.setdefault(survivor, []).extend(grown.pop(absorbed, []))
+        for feature, chain in sorted(_memberships(step).items()):
+            chain = history.final(chain)
             history.born_in[step.index, feature] = chain
             grown.setdefault(chain, []).append(step.features[feature].segment)
         history.roots |= {(step.index, feature) for feature in _roots(step)}
-        for survivor, absorbed in step.merges:
-            if history.final(survivor) != absorbed:  # a circle would never end
-                history.merges[absorbed] = (survivor, step.index)
-            grown.setdefault(survivor, []).extend(grown.pop(absorbed, []))
     return history
 
 
 def _memberships(step: StepRecord) -> dict[int, int]:
-    """Feature index -> chain: by its first kept association, else as the root of a new chain."""
+    """Feature index -> chain: by a kept association, else as the root of a new chain."""
     kept: dict[int, int] = {}
     for association in step.associations:
         if association.kept and 0 <= association.feature < len(step.features):

@@ -167,7 +167,7 @@ function show(k) {
   map.classList.toggle("past-scan", !whole);
   $("whole").hidden = !whole;
   $("scan").hidden = whole;
-  $("where").textContent = whole ? "Whole episode" : `Scan ${k} of 0–${END - 1}`;
+  $("where").textContent = whole ? "Whole episode" : `Scan ${k} / ${END - 1}`;
   if (!whole) {
     drawPast(k);
     drawFan(scans[k]);

@@ -1,0 +1,252 @@
+"""The command line: what it prints, what it writes, and how it refuses."""
+
+import json
+import runpy
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+
+from sonar_explore import cli
+from sonar_explore.episodes.record import EpisodeRecord, StepRecord
+from sonar_explore.errors import SonarExploreError, unknown_name
+
+Capture = pytest.CaptureFixture[str]
+SUMMARY_KEYS = {"world", "agent", "slam", "noise", "seed", "end_reason", "scans", "position_error_m"}
+
+
+@pytest.fixture(scope="module")
+def record() -> EpisodeRecord:
+    builder = runpy.run_path(str(Path(__file__).parent / "reports" / "synthetic_record.py"))
+    made: EpisodeRecord = builder["synthetic_record"]()
+    return made
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working folder, empty."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def runner(monkeypatch: pytest.MonkeyPatch, record: EpisodeRecord) -> SimpleNamespace:
+    """A runner that ran already; `calls` holds what it was asked for, `fail` what it shall raise."""
+    module = ModuleType("sonar_explore.episodes.run")
+    state = SimpleNamespace(calls=[], fail=None)
+
+    def run_episode(*arguments: Any, config: Any, on_step: Callable[[StepRecord], None]) -> EpisodeRecord:
+        state.calls.append((*arguments, config))
+        if state.fail is not None:
+            raise state.fail
+        for step in record.steps:
+            on_step(step)
+        return record
+
+    vars(module).update(run_episode=run_episode, ExplorationConfig=dict)
+    monkeypatch.setitem(sys.modules, "sonar_explore.episodes.run", module)
+    return state
+
+
+def tree(folder: Path) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
+
+
+def assert_refused(capsys: Capture, arguments: list[str], *words: str, status: int = 2) -> None:
+    assert cli.main(arguments) == status
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("sonar-explore: ")
+    assert err.count("\n") == 1
+    for word in words:
+        assert word in err
+
+
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        (["explode"], ["unknown command 'explode'", "run"]),
+        (["--explode"], ["--explode"]),
+        (["run"], ["WORLD"]),
+        (["run", "loop", "--sed", "3"], ["--sed", "--seed"]),
+        (["run", "loop", "--seed", "-1"], ["--seed", "0<=x<=4294967295"]),
+        (["run", "loop", "--seed", str(2**32)], ["--seed", "0<=x<=4294967295"]),
+        (["run", "loop", "--seed", "three"], ["--seed", "'three'"]),
+        (["run", "loop", "--max-scans", "0"], ["--max-scans"]),
+        (["run", "loop", "bend"], ["bend"]),
+        (["worlds", "loop"], ["loop"]),
+        (["report"], ["EPISODE"]),
+        (["report", "none.json"], ["cannot read none.json"]),
+    ],
+)
+def test_a_bad_command_line_is_refused_in_one_line_and_nothing_is_written(
+    capsys: Capture,
+    folder: Path,
+    runner: SimpleNamespace,
+    arguments: list[str],
+    words: list[str],
+) -> None:
+    assert_refused(capsys, arguments, *words)
+    assert tree(folder) == []
+    assert runner.calls == []
+
+
+def test_an_unknown_name_is_refused_in_one_line_and_no_folder_stays(
+    capsys: Capture, folder: Path, runner: SimpleNamespace
+) -> None:
+    runner.fail = unknown_name("world", "foor", ["corridor", "loop"])
+    assert_refused(capsys, ["run", "foor"], "unknown world 'foor'", "corridor, loop")
+    assert_refused(capsys, ["run", "foor", "--out", "a/b/c"], "unknown world 'foor'")
+    assert tree(folder) == []
+
+
+def test_an_error_of_many_lines_is_told_in_one(
+    capsys: Capture, folder: Path, runner: SimpleNamespace
+) -> None:
+    runner.fail = SonarExploreError("first\n  second")
+    assert_refused(capsys, ["run", "loop"], "first second")
+
+
+def test_a_folder_that_cannot_be_made_is_refused_before_the_run(
+    capsys: Capture, folder: Path, runner: SimpleNamespace
+) -> None:
+    (folder / "taken").write_text("a file")
+    assert_refused(capsys, ["run", "loop", "--out", "taken"], "cannot write into taken")
+    assert_refused(capsys, ["run", "loop", "--out", "taken/below"], "cannot write into taken/below")
+    assert runner.calls == []
+    assert tree(folder) == ["taken"]
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_the_run(
+    capsys: Capture, folder: Path, runner: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(**_: Any) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("tempfile.TemporaryFile", refuse)  # root may write anywhere
+    assert_refused(capsys, ["run", "loop", "--out", "shut"], "cannot write into shut: Permission denied")
+    assert runner.calls == []
+    assert tree(folder) == []
+
+
+def test_a_failed_run_leaves_the_older_one_as_it_was(
+    capsys: Capture, folder: Path, runner: SimpleNamespace
+) -> None:
+    assert cli.main(["run", "loop", "--out", "kept"]) == 0
+    capsys.readouterr()
+    before = {path: (folder / path).read_bytes() for path in tree(folder) if path != "kept"}
+    runner.fail = SonarExploreError("no")
+    assert_refused(capsys, ["run", "loop", "--out", "kept"])
+    assert before == {path: (folder / path).read_bytes() for path in tree(folder) if path != "kept"}
+
+
+def test_ctrl_c_ends_with_130_one_line_and_nothing_written(
+    capsys: Capture, folder: Path, runner: SimpleNamespace
+) -> None:
+    runner.fail = KeyboardInterrupt()
+    assert_refused(capsys, ["run", "loop"], "interrupted", status=130)
+    assert tree(folder) == []
+
+
+def test_a_run_writes_the_record_and_the_report_and_says_where(
+    capsys: Capture, folder: Path, runner: SimpleNamespace
+) -> None:
+    assert cli.main(["run", "paper/loop", "--seed", "3", "--noise", "worn"]) == 0
+    out, err = capsys.readouterr()
+    where = "runs/paper-loop-frontier-chain-worn-3"
+    assert tree(folder / where) == ["episode.json", "report.html"]
+    assert f"report: {where}/report.html" in out
+    assert "nothing left to explore" in out
+    assert err == ""
+    assert runner.calls == [("paper/loop", "frontier", "chain", "worn", 3, None)]
+
+
+def test_json_is_one_object_and_nothing_else(capsys: Capture, folder: Path, runner: SimpleNamespace) -> None:
+    assert cli.main(["run", "loop", "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out).keys() >= SUMMARY_KEYS
+    assert out.count("\n") == 1
+    assert err == ""
+
+
+def test_max_scans_reaches_the_runner(capsys: Capture, folder: Path, runner: SimpleNamespace) -> None:
+    assert cli.main(["run", "loop", "--json", "--max-scans", "5"]) == 0
+    assert runner.calls[0][-1] == {"max_scans": 5}
+
+
+def test_a_world_file_names_a_folder_of_one_level(folder: Path) -> None:
+    assert str(cli.default_folder("/data/my world.toml", "my.mod:Policy", "off", "paper", 0)) == (
+        "runs/data-my world.toml-my.mod-Policy-off-paper-0"
+    )
+
+
+def test_the_report_is_made_again_from_the_record_alone(
+    capsys: Capture, folder: Path, runner: SimpleNamespace
+) -> None:
+    cli.main(["run", "loop", "--out", "a"])
+    first = (folder / "a" / "report.html").read_bytes()
+    (folder / "a" / "report.html").unlink()
+    assert cli.main(["report", "a/episode.json"]) == 0
+    assert (folder / "a" / "report.html").read_bytes() == first
+    assert cli.main(["report", "a/episode.json", "--out", "again.html"]) == 0
+    assert (folder / "again.html").read_bytes() == first
+
+
+def test_a_report_into_a_folder_that_is_not_there_is_refused(
+    capsys: Capture, folder: Path, runner: SimpleNamespace
+) -> None:
+    cli.main(["run", "loop", "--out", "a"])
+    capsys.readouterr()
+    assert_refused(capsys, ["report", "a/episode.json", "--out", "b/page.html"], "cannot write b/page.html")
+
+
+def test_worlds_are_listed_as_a_table_and_as_json(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    world = SimpleNamespace(name="loop", title="A [bold]loop[/bold]", walls=[1, 2], has_loop=True)
+    module = ModuleType("sonar_explore.envs.world")
+    vars(module).update(shipped_worlds=lambda: ("loop",), load_world=lambda _: world)
+    monkeypatch.setitem(sys.modules, "sonar_explore.envs.world", module)
+    assert cli.main(["worlds"]) == 0
+    assert "A [bold]loop[/bold]" in capsys.readouterr().out
+    assert cli.main(["worlds", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert listed == [{"name": "loop", "title": "A [bold]loop[/bold]", "walls": 2, "loop": True}]
+
+
+def test_agents_are_listed_with_one_line_each(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    known = {"random": "Anywhere.", "frontier": "The paper's."}
+    monkeypatch.setattr("sonar_explore.agents.known_agents", lambda: known, raising=False)
+    assert cli.main(["agents", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == [
+        {"name": "frontier", "about": "The paper's."},
+        {"name": "random", "about": "Anywhere."},
+    ]
+    assert cli.main(["agents"]) == 0
+    assert "The paper's." in capsys.readouterr().out
+
+
+def test_no_command_shows_the_help(capsys: Capture) -> None:
+    assert cli.main([]) == 0
+    assert "Usage: sonar-explore" in capsys.readouterr().out
+
+
+def test_help_imports_nothing_heavy() -> None:
+    heavy = "{'numpy', 'matplotlib', 'rich', 'jinja2', 'msgspec', 'gymnasium', 'scipy', 'numba'}"
+    code = (
+        f"import sys; from sonar_explore import cli; cli.main(['--help']); print({heavy} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.endswith("set()\n")
+
+
+def test_a_reader_that_goes_away_is_no_error() -> None:
+    code = "import sys; from sonar_explore import cli; sys.exit(cli.main(['--help']))"
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout is not None and process.stderr is not None
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    process.wait()
+    process.stderr.close()
