@@ -1,1 +1,51 @@
-"""The will of the robot: exploration policies."""
+"""The will of the robot: exploration policies, ours and anybody's."""
+
+from __future__ import annotations
+
+import importlib
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from sonar_explore.agents.base import Decision, ExplorationPolicy, Score
+from sonar_explore.errors import SonarExploreError, unknown_name
+
+__all__ = ["Decision", "ExplorationPolicy", "Score", "known_agents", "make_agent"]
+
+GROUP = "sonar_explore.agents"
+
+
+def known_agents() -> dict[str, str]:
+    """Name and one-line description of every policy that is installed."""
+    return {name: _first_line(point) for name, point in sorted(_points().items())}
+
+
+def make_agent(name: str) -> ExplorationPolicy:
+    """The policy of this name, or of this path `module:Name`."""
+    points = _points()
+    if name in points:
+        made = _load(name, points[name])()
+    elif ":" in name:
+        made = _load(name, EntryPoint(name, name, GROUP))()
+    else:
+        raise unknown_name("agent", name, [*points, "module:Name"])
+    if not callable(getattr(made, "choose", None)):
+        raise SonarExploreError(f"agent {name!r} has no method choose(situation); see sonar_explore.agents.base")
+    policy: ExplorationPolicy = made
+    return policy
+
+
+def _points() -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=GROUP)}
+
+
+def _load(name: str, point: EntryPoint) -> Any:
+    try:
+        importlib.invalidate_caches()
+        return point.load()
+    except (ImportError, AttributeError, ValueError) as error:
+        raise SonarExploreError(f"agent {name!r} cannot be loaded: {error}; give module:Name") from error
+
+
+def _first_line(point: EntryPoint) -> str:
+    doc = _load(point.name, point).__doc__ or ""
+    return str(doc.strip().split("\n")[0])

@@ -53,6 +53,8 @@ class Simulator:
         self.time_s = 0.0
         self.driven_m = 0.0
         """Path length by the wheels, [m]."""
+        self.true_trail: list[Pose] = []
+        """True poses about every 5 cm driven; whoever reads it may clear it."""
         self._next_disc = 0
 
     def tick(self, speed_m_s: float, turn_rate_rad_s: float) -> None:
@@ -62,6 +64,8 @@ class Simulator:
         speed = min(robot.speed_max_m_s, max(-robot.speed_max_m_s, speed_m_s))
         turn_rate = min(robot.turn_rate_max_rad_s, max(-robot.turn_rate_max_rad_s, turn_rate_rad_s))
         self._move(speed * dt, turn_rate * dt)
+        if not self.true_trail or self.true_pose.distance_to(self.true_trail[-1]) >= 0.05:
+            self.true_trail.append(self.true_pose)
         self.time_s += dt
         disc = self._next_disc
         self.ring_m = self.ring_m.copy()

@@ -1,0 +1,277 @@
+"""Run one episode: an environment, a policy, a record."""
+
+from __future__ import annotations
+
+import base64
+import math
+import time
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from sonar_explore import __version__
+from sonar_explore.agents import Decision, ExplorationPolicy, make_agent
+from sonar_explore.config import ExplorationConfig
+from sonar_explore.envs.exploration_env import ExplorationEnv
+from sonar_explore.envs.world import World, load_world
+from sonar_explore.episodes.loops import loop_closed
+from sonar_explore.episodes.record import (
+    AssociationRecord,
+    CandidateRecord,
+    ChainRecord,
+    DecisionRecord,
+    EpisodeRecord,
+    FeatureRecord,
+    GridRecord,
+    Pose3,
+    Stats,
+    StepRecord,
+    Summary,
+    WorldRecord,
+)
+from sonar_explore.errors import SonarExploreError
+from sonar_explore.explorer import Situation, Trip
+from sonar_explore.geometry import Pose
+from sonar_explore.mapping.occupancy import OccupancyGrid
+
+MAX_SEED = 2**32 - 1
+
+
+def run_episode(
+    world: str | Path | World,
+    agent: str | ExplorationPolicy = "frontier",
+    slam: str = "chain",
+    noise: str = "paper",
+    seed: int = 0,
+    *,
+    config: ExplorationConfig | None = None,
+    on_step: Callable[[StepRecord], None] = lambda step: None,
+) -> EpisodeRecord:
+    """Explore a world once.
+
+    Args:
+        world: a shipped name, a file, or a world.
+        agent: a known name, `module:Name`, or a policy.
+        slam: `chain`, `off` or `truth`.
+        noise: odometry preset: `paper`, `ideal` or `worn`.
+        seed: fixes everything but the wall time.
+        config: every other choice.
+        on_step: called with each step as it is made.
+
+    Raises:
+        SonarExploreError: for an unknown name, a bad world, or a policy that chooses what is not there.
+    """
+    if not 0 <= seed <= MAX_SEED:
+        raise SonarExploreError(f"seed {seed} is out of range; possible: 0 to {MAX_SEED}")
+    began = time.perf_counter()
+    place = world if isinstance(world, World) else load_world(world)
+    policy = make_agent(agent) if isinstance(agent, str) else agent
+    env = ExplorationEnv(place, slam, noise, config)
+    env.reset(seed=seed)
+    if hasattr(policy, "reset"):
+        policy.reset(seed)
+    log = _Log(env)
+    while not env.end_reason:
+        situation, decision = env.situation, _checked(policy.choose(env.situation), env.situation)
+        env.step(np.int64(decision.chosen))
+        on_step(log.step(situation, decision))
+    on_step(log.step(env.situation, None))
+    names = {"agent": agent if isinstance(agent, str) else type(policy).__name__, "slam": slam, "noise": noise}
+    summary = log.summary(seed=seed, wall_time_s=round(time.perf_counter() - began, 3), **names)
+    return EpisodeRecord(
+        version=__version__,
+        config=msgspec.to_builtins(env.config),
+        world=_world_record(place),
+        summary=summary,
+        steps=log.steps,
+        chains=[_chain_record(chain) for chain in env.situation.chains],
+        grid=_grid_record(env.situation.grid),
+    )
+
+
+def _checked(decision: Decision, situation: Situation) -> Decision:
+    n = len(situation.candidates)
+    if not 0 <= decision.chosen < n or len(decision.scores) != n:
+        raise SonarExploreError(
+            f"the agent chose candidate {decision.chosen} with {len(decision.scores)} scores; there are {n} candidates"
+        )
+    return decision
+
+
+class _Log:
+    """Turns what the environment shows into steps; scoring happens here, with the truth."""
+
+    def __init__(self, env: ExplorationEnv) -> None:
+        self._env = env
+        self.steps: list[StepRecord] = []
+        self._errors: list[tuple[float, float]] = []
+        self._true_trail: list[Pose] = []
+        self._note()
+
+    def _note(self) -> None:
+        """What holds at the scan just taken, before the next drive moves on."""
+        env = self._env
+        self._now = {
+            "sim_time_s": env.simulator.time_s,
+            "path_length_m": env.simulator.driven_m,
+            "true": env.true_scan_pose,
+            "update": env.update,
+            "trip": env.trip,
+            "true_trail": env.true_trail,
+            "explored": env.explored_fraction,
+            "chains": env.situation.chains,
+        }
+        believed, true = env.update.pose, env.true_scan_pose
+        turn = math.remainder(believed.heading - true.heading, math.tau)
+        self._errors.append((believed.distance_to(true), abs(math.degrees(turn))))
+
+    def step(self, situation: Situation, decision: Decision | None) -> StepRecord:
+        """The step that ended with this decision (and the drive that it led to, which the environment has made)."""
+        now = self._now
+        update, true = now["update"], now["true"]
+        scan = self._env.slam.scans[update.index].scan
+        outcome = None
+        if decision is not None:
+            trip = self._env.trip
+            assert trip is not None
+            outcome = _decision_record(situation, decision, trip)
+        record = StepRecord(
+            index=update.index,
+            sim_time_s=_round(now["sim_time_s"]),
+            path_length_m=_round(now["path_length_m"]),
+            predicted_pose=_pose(update.predicted_pose),
+            pose=_pose(update.pose),
+            true_pose=_pose(true),
+            trail=[_pose(p) for p in now["trip"].trail] if now["trip"] else [],
+            true_trail=[_pose(p) for p in now["true_trail"]],
+            scan_headings_rad=[_round(h) for h in scan.headings_rad],
+            scan_ranges_m=[_round(r) for r in scan.ranges_m],
+            odometry=_pose(scan.pose_robot_in_odometry),
+            features=[_feature_record(f, update.pose) for f in update.features],
+            associations=[_association_record(a) for a in update.associations],
+            new_chains=list(update.new_chains),
+            merges=[(m.survivor, m.absorbed) for m in update.merges],
+            dangling=list(update.dangling),
+            explored_fraction=_round(now["explored"]),
+            decision=outcome,
+        )
+        self.steps.append(record)
+        if decision is not None:
+            self._note()
+        return record
+
+    def summary(self, *, agent: str, slam: str, noise: str, seed: int, wall_time_s: float) -> Summary:
+        """The scores of the episode (docs/metrics.md)."""
+        env, grid = self._env, self._env.situation.grid
+        drawn = (grid.states, (grid.frame.x0, grid.frame.y0), grid.frame.resolution_m)
+        position, heading = np.array(self._errors).T
+        error = env.scorer.wall_error(*drawn)
+        return Summary(
+            world=env.world.name,
+            agent=agent,
+            slam=slam,
+            noise=noise,
+            seed=seed,
+            end_reason=env.end_reason,
+            scans=len(self.steps),
+            decisions=len(self.steps) - 1,
+            path_length_m=_round(env.simulator.driven_m),
+            sim_time_s=_round(env.simulator.time_s),
+            wall_time_s=wall_time_s,
+            explored_fraction=_round(env.explored_fraction),
+            wall_recall=_round(env.scorer.wall_recall(*drawn)),
+            wall_error_m=None if error is None else _round(error),
+            false_free_fraction=_round(env.scorer.false_free_fraction(*drawn)),
+            contacts=env.simulator.contacts,
+            loop_closed=loop_closed(env.scorer, self.steps) if env.world.has_loop else None,
+            position_error_m=_stats(position),
+            heading_error_deg=_stats(heading),
+            chains=len(env.situation.chains),
+            dangling_chains=sum(chain.dangling for chain in env.situation.chains),
+            merges=sum(len(step.merges) for step in self.steps),
+        )
+
+
+def _round(value: float) -> float:
+    """To the micrometre: more digits would only make files longer."""
+    return round(float(value), 6)
+
+
+def _pose(pose: Pose) -> Pose3:
+    return _round(pose.x), _round(pose.y), _round(pose.heading)
+
+
+def _stats(values: np.ndarray) -> Stats:
+    return Stats(mean=_round(values.mean()), max=_round(values.max()), final=_round(values[-1]))
+
+
+def _feature_record(feature: Any, pose: Pose) -> FeatureRecord:
+    x1, y1, x2, y2 = feature.segment.transformed(pose).as_row()
+    return FeatureRecord(
+        kind=feature.kind.value,
+        segment=(_round(x1), _round(y1), _round(x2), _round(y2)),
+        bearing_rad=_round(feature.bearing_rad),
+        range_m=_round(feature.range_m),
+        width_rad=_round(feature.width_rad),
+    )
+
+
+def _association_record(scored: Any) -> AssociationRecord:
+    a = scored.association
+    return AssociationRecord(
+        feature=a.feature,
+        chain=a.chain,
+        link=a.link,
+        kept=scored.kept,
+        angle_residual_rad=_round(scored.adr_rad),
+        normal_residual_m=_round(scored.ndr_m),
+        probability=_round(scored.probability),
+    )
+
+
+def _decision_record(situation: Situation, decision: Decision, trip: Trip) -> DecisionRecord:
+    candidates = [
+        CandidateRecord(
+            x=_round(c.x),
+            y=_round(c.y),
+            path_length_m=_round(c.path_length_m),
+            terms={name: _round(term) for name, term in score.terms.items()},
+            score=_round(score.total),
+        )
+        for c, score in zip(situation.candidates, decision.scores, strict=True)
+    ]
+    path = [(_round(x), _round(y)) for x, y in trip.path]
+    return DecisionRecord(candidates=candidates, chosen=decision.chosen, outcome=trip.end.value, path=path)
+
+
+def _world_record(world: World) -> WorldRecord:
+    return WorldRecord(
+        name=world.name,
+        title=world.title,
+        walls=[tuple(_round(v) for v in wall) for wall in world.walls],  # type: ignore[misc]
+        cylinders=[tuple(_round(v) for v in c) for c in world.cylinders],  # type: ignore[misc]
+        start=_pose(world.start),
+    )
+
+
+def _chain_record(chain: Any) -> ChainRecord:
+    return ChainRecord(
+        id=chain.id,
+        links=[tuple(_round(v) for v in link.segment.as_row()) for link in chain.links],  # type: ignore[misc]
+        root=chain.root_index,
+        root_probability=_round(chain.root_probability),
+        dangling=chain.dangling,
+    )
+
+
+def _grid_record(grid: OccupancyGrid) -> GridRecord:
+    return GridRecord(
+        origin=(_round(grid.frame.x0), _round(grid.frame.y0)),
+        resolution_m=grid.frame.resolution_m,
+        shape=grid.frame.shape,
+        states=base64.b64encode(zlib.compress(grid.states.tobytes(), 9)).decode("ascii"),
+    )

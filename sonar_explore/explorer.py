@@ -1,0 +1,190 @@
+"""The robot's mind less its will: measurement in, situation out. Nothing here knows the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonar_explore.config import ExplorationConfig
+from sonar_explore.geometry import Array, Pose
+from sonar_explore.mapping.frontiers import Frontier, find_frontiers
+from sonar_explore.mapping.occupancy import Look, OccupancyGrid, OccupancyMapper, look_of
+from sonar_explore.measurement import Scan
+from sonar_explore.planning.candidates import Candidate, CandidateFinder
+from sonar_explore.planning.driving import DriveEnd, DriveReport, drive, shut_at
+from sonar_explore.planning.paths import SafePaths, straightened
+from sonar_explore.robot import Robot
+from sonar_explore.slam import Chain, ScanUpdate, Slam
+
+MIN_FRONTIER_M = 0.15
+MAX_REPLANS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """All that a policy decides from."""
+
+    pose: Pose
+    """`pose_robot_in_map`, as believed."""
+    grid: OccupancyGrid
+    chains: tuple[Chain, ...]
+    frontiers: tuple[Frontier, ...]
+    candidates: tuple[Candidate, ...]
+    """Where the robot could go next; empty when nothing reachable is left."""
+    scan_positions: Array
+    """x y of every scan so far, shape (n, 2), map frame, [m]."""
+
+
+@dataclass(frozen=True)
+class Trip:
+    """How the way to a candidate went."""
+
+    end: DriveEnd
+    path: Array
+    """As first planned, shape (n, 2), map frame, [m]."""
+    trail: tuple[Pose, ...]
+    """Believed poses on the way."""
+
+
+class Explorer:
+    """Looks, maps, offers candidate scan positions and goes to the one that was chosen."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        slam: Slam,
+        config: ExplorationConfig,
+        known_pose: Callable[[], Pose] | None = None,
+    ) -> None:
+        """
+        Args:
+            robot: what drives and measures.
+            slam: what corrects the pose.
+            config: every choice.
+            known_pose: the pose as somebody outside knows it (motion capture; `--slam truth`), else None.
+        """
+        self._robot = robot
+        self._slam = slam
+        self._config = config
+        self._known_pose = known_pose
+        body = config.simulator.robot
+        self._body = body
+        self._mapper = OccupancyMapper(config.mapping, body.radius_m, body.range_reliable_m)
+        self._finder = CandidateFinder(
+            config.candidates, body.radius_m, body.range_min_m, body.range_reliable_m
+        )
+        self._looks: list[Look] = []
+        self._trail: list[tuple[float, float]] = []
+        self._shut: list[Array] = []
+        self._put_aside: list[tuple[float, float]] = []
+        self._tried: dict[int, int] = {}
+        self._paths: SafePaths | None = None
+        self.gave_up = False
+        """Whether a place was put aside because no way to it was found."""
+        self.grid: OccupancyGrid
+        """The map; there from the first scan on."""
+
+    def look(self) -> ScanUpdate:
+        """Take a scan here and map it."""
+        direction = -1 if self._config.alternate_spin and len(self._looks) % 2 else 1
+        if self._known_pose is not None:
+            self._slam.place(self._known_pose())
+        return self.observe(self._robot.scan(direction))
+
+    def observe(self, scan: Scan) -> ScanUpdate:
+        """Take a scan from the robot or from a log: correct the pose, draw the map."""
+        update = self._slam.update(scan)
+        self._looks.append(look_of(scan, update.features, self._config.mapping))
+        self._trail.append((update.pose.x, update.pose.y))
+        self._map()
+        return update
+
+    def pose(self) -> Pose:
+        """`pose_robot_in_map` now, by odometry since the last scan."""
+        pose = self._slam.predict(self._robot.pose_robot_in_odometry)
+        if self._known_pose is not None:
+            pose = self._known_pose()
+            self._slam.place(pose)
+        return pose
+
+    def situation(self) -> Situation:
+        """What there is to decide from."""
+        pose = self.pose()
+        paths = self._plan(pose)
+        chains = self._slam.chains.chains
+        scans = np.array([(e.pose.x, e.pose.y) for e in self._slam.scans])
+        taken = np.vstack([scans, np.array(self._put_aside).reshape(-1, 2)])
+        return Situation(
+            pose=pose,
+            grid=self.grid,
+            chains=chains,
+            frontiers=find_frontiers(self.grid, self._body.radius_m, MIN_FRONTIER_M),
+            candidates=self._finder.find(self.grid, paths, chains, taken, self._tried),
+            scan_positions=scans,
+        )
+
+    def go_to(self, candidate: Candidate) -> Trip:
+        """Drive there; where the way is shut, find another; put the place aside if there is none."""
+        for chain in candidate.missing_links:
+            self._tried[chain] = self._tried.get(chain, 0) + 1
+        trail: list[Pose] = []
+        first = None
+        end = DriveEnd.BLOCKED
+        for _ in range(MAX_REPLANS):
+            path = self._way(candidate)
+            if path is None:
+                break
+            first = path if first is None else first
+            report = drive(
+                self._robot, self._body, path, self._traced(trail), self._config.driving
+            )
+            end = report.end
+            if end is DriveEnd.ARRIVED:
+                break
+            self._remember_shut(report)
+        if end is not DriveEnd.ARRIVED:
+            self._put_aside.append((candidate.x, candidate.y))
+            self.gave_up = True
+        here = self.pose()
+        return Trip(end, np.array([[here.x, here.y]]) if first is None else first, (*trail, here))
+
+    def _map(self) -> None:
+        poses = [entry.pose for entry in self._slam.scans]
+        self.grid = self._mapper.draw(poses, self._looks, np.array(self._trail))
+
+    def _plan(self, pose: Pose) -> SafePaths:
+        shut = np.vstack(self._shut) if self._shut else None
+        return SafePaths(self.grid, pose.x, pose.y, self._body.radius_m, self._config.planning, shut)
+
+    def _way(self, candidate: Candidate) -> Array | None:
+        pose = self.pose()
+        paths = self._plan(pose)
+        path = paths.to(candidate.x, candidate.y)
+        if path is None:
+            return None
+        path = straightened(path, paths.room_m, self.grid.frame)
+        return np.vstack([[pose.x, pose.y], path[1:], [candidate.x, candidate.y]])
+
+    def _traced(self, trail: list[Pose]) -> Callable[[], Pose]:
+        """`pose`, noting the way every 5 cm."""
+
+        def pose() -> Pose:
+            here = self.pose()
+            if not trail or here.distance_to(trail[-1]) >= 0.05:
+                trail.append(here)
+                self._trail.append((here.x, here.y))
+            return here
+
+        return pose
+
+    def _remember_shut(self, report: DriveReport) -> None:
+        here = self.pose()
+        assert report.obstacle is not None
+        self._shut.append(shut_at(here, report.obstacle))
+        if report.end is DriveEnd.BUMPED:  # back off, the way the body came
+            for _ in range(8):
+                self._robot.tick(-0.1, 0.0)
+
+

@@ -1,0 +1,232 @@
+"""Features onto the occupancy grid, so that a path planned through free cells can be driven.
+
+The paper maps features, not readings (section II); its reference for the grid is not to be had, so all of this is
+our reading, judged by its aim: few *false-free* cells. Three kinds of evidence:
+
+- a wall feature makes the cells of its segment occupied; two ends that the body cannot pass between are one wall;
+- the normal ray of a region of constant depth is clear up to its foot: it can outweigh a false wall;
+- any other reading only tells that no source answered nearer. It makes cells free as far as the next known wall, the
+  straight continuation of a wall seen in the same scan, or `free_range_m`; it never weighs against a wall. Cutting at
+  walls is done anew whenever walls are added, so that what was free behind an unseen wall does not stay free.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from sonar_explore.geometry import Array, Pose
+from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States
+from sonar_explore.mapping.sectors import cut_at_walls, mark_sector
+from sonar_explore.slam.features import Feature, FeatureKind, compensated_ranges
+from sonar_explore.measurement import Scan
+
+BINS = 360
+"""Directions in which a scan position keeps how far it is clear."""
+
+
+@dataclass(frozen=True)
+class MappingConfig:
+    """What a cell needs to be called free or occupied."""
+
+    resolution_m: float = 0.05
+    """Side of a cell, [m]."""
+    free_range_m: float = 1.5
+    """How far a reading without a region of constant depth may clear, [m]."""
+    wall_margin_m: float = 0.05
+    """Cells nearer than this before an echo are not cleared by it, [m]."""
+    continuation_rad: float = math.radians(60.0)
+    """How far off the normal a wall is taken to go on straight, for the scan that saw it, [rad]."""
+    core_rad: float = math.radians(5.0)
+    """Half-width of the sector about the normal that a region of constant depth clears for certain, [rad]."""
+    wall_weight: float = 2.0
+    """Evidence of one wall feature for the cells of its segment."""
+    point_weight: float = 1.0
+    """Evidence of a corner or an edge for its cell."""
+    core_weight: float = 1.0
+    """Evidence of one certain sector against a wall."""
+    body_weight: float = 4.0
+    """Evidence against a wall where the body has been."""
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyGrid:
+    """A grid of cell states in the map frame."""
+
+    frame: GridFrame
+    states: States
+    """UNKNOWN, FREE or OCCUPIED, shape (rows, columns)."""
+
+    @property
+    def free(self) -> Mask:
+        """Shape (rows, columns)."""
+        return self.states == FREE
+
+    @property
+    def occupied(self) -> Mask:
+        """Shape (rows, columns)."""
+        return self.states == OCCUPIED
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What one scan says of space, in the robot frame of that scan."""
+
+    clear_m: Array
+    """How far each bin may be cleared by its reading, before walls cut it, shape (BINS,), [m]."""
+    core_m: Array
+    """How far each bin is certainly clear, 0 outside the cores, shape (BINS,), [m]."""
+    walls: Array
+    """Segments of the scan's wall features, shape (n, 4), [m]."""
+    continuations: Array
+    """The same walls as taken to go on straight, shape (n, 4), [m]."""
+    points: Array
+    """Corners and edges x y, shape (k, 2), [m]."""
+
+
+def look_of(scan: Scan, features: Sequence[Feature], config: MappingConfig) -> Look:
+    """Turn a scan and its features into evidence."""
+    bearings = scan.headings_rad + scan.pose_sonar_in_robot.heading
+    ranges = compensated_ranges(scan)
+    bins = (np.arange(BINS) + 0.5) * (2.0 * math.pi / BINS)
+    order = np.argsort(bearings % (2.0 * math.pi))
+    sorted_bearings = (bearings % (2.0 * math.pi))[order]
+    nearest = _nearest_on_circle(sorted_bearings, bins)
+    clear = np.minimum(ranges[order][nearest] - config.wall_margin_m, config.free_range_m)
+    core = np.zeros(BINS)
+    for f in features:
+        off = np.abs((bins - f.bearing_rad + math.pi) % (2.0 * math.pi) - math.pi)
+        inside = off <= 0.5 * f.width_rad
+        clear[inside] = np.minimum(clear[inside], f.range_m - config.wall_margin_m)
+        if f.kind is FeatureKind.WALL:
+            centre = off <= config.core_rad
+            core[centre] = np.maximum(core[centre], f.range_m - config.wall_margin_m)
+    walls = [f for f in features if f.kind is FeatureKind.WALL]
+    return Look(
+        clear_m=np.maximum(clear, 0.0),
+        core_m=core,
+        walls=np.array([f.segment.as_row() for f in walls], dtype=float).reshape(-1, 4),
+        continuations=np.array([_continuation(f, config) for f in walls], dtype=float).reshape(-1, 4),
+        points=np.array(
+            [f.segment.midpoint for f in features if f.kind is not FeatureKind.WALL], dtype=float
+        ).reshape(-1, 2),
+    )
+
+
+def _continuation(f: Feature, config: MappingConfig) -> tuple[float, float, float, float]:
+    c, s = math.cos(f.bearing_rad), math.sin(f.bearing_rad)
+    half = f.range_m * math.tan(config.continuation_rad)
+    x, y = f.range_m * c, f.range_m * s
+    return x + half * s, y - half * c, x - half * s, y + half * c
+
+
+def _nearest_on_circle(sorted_angles: Array, targets: Array) -> np.ndarray:
+    n = len(sorted_angles)
+    right = np.searchsorted(sorted_angles, targets) % n
+    left = (right - 1) % n
+    gap_right = (sorted_angles[right] - targets) % (2.0 * math.pi)
+    gap_left = (targets - sorted_angles[left]) % (2.0 * math.pi)
+    return np.where(gap_right < gap_left, right, left)
+
+
+class OccupancyMapper:
+    """Keeps the evidence of all scans and draws the grid from it."""
+
+    def __init__(self, config: MappingConfig, body_radius_m: float, reach_m: float) -> None:
+        self._config = config
+        self._body = body_radius_m
+        self._reach = reach_m
+        self._frame: GridFrame | None = None
+
+    def draw(self, poses: Sequence[Pose], looks: Sequence[Look], trail: Array) -> OccupancyGrid:
+        """The grid of these scans at these poses.
+
+        Args:
+            poses: `pose_robot_in_map` of each scan, as now believed.
+            looks: evidence of each scan.
+            trail: where the body has been, shape (n, 2), map frame, [m].
+        """
+        cfg = self._config
+        frame = self._covering(poses)
+        walls = _placed(poses, [look.walls for look in looks])
+        wall_evidence = np.zeros(frame.shape)
+        _add_segments(frame, wall_evidence, walls, cfg.wall_weight)
+        points = np.vstack([p.transform(look.points) for p, look in zip(poses, looks, strict=True)])
+        _add_cells(frame, wall_evidence, points, cfg.point_weight)
+        core = np.zeros(frame.shape)
+        cleared = np.zeros(frame.shape, dtype=np.int32)
+        barriers = np.vstack([walls, bridges(walls, 2.0 * self._body)])
+        for pose, look in zip(poses, looks, strict=True):
+            own = _placed([pose], [look.continuations])
+            clear = cut_at_walls(pose.x, pose.y, pose.heading, look.clear_m, barriers, own, cfg.wall_margin_m)
+            mark_sector(frame, cleared, pose, clear)
+            mark_sector(frame, core, pose, look.core_m, cfg.core_weight)
+        body = _disc_trail(frame, trail, self._body)
+        against = core + cfg.body_weight * body
+        bridged = np.zeros(frame.shape)
+        _add_segments(frame, bridged, bridges(walls, 2.0 * self._body), cfg.wall_weight)
+        support = np.maximum(wall_evidence, bridged)
+        occupied = (support > 0.0) & (support > against)
+        free = ((cleared > 0) | (core > 0) | body) & ~occupied
+        states = np.where(occupied, OCCUPIED, np.where(free, FREE, 0)).astype(np.uint8)
+        return OccupancyGrid(frame, states)
+
+    def _covering(self, poses: Sequence[Pose]) -> GridFrame:
+        xy = np.array([(p.x, p.y) for p in poses])
+        low = tuple(xy.min(axis=0) - self._reach - 0.5)
+        high = tuple(xy.max(axis=0) + self._reach + 0.5)
+        if self._frame is None:
+            res = self._config.resolution_m
+            self._frame = GridFrame(
+                math.floor(low[0] / res) * res, math.floor(low[1] / res) * res, res, (1, 1)
+            )
+        self._frame = self._frame.covering(low, high)
+        return self._frame
+
+
+def bridges(walls: Array, gap_m: float) -> Array:
+    """Segments across gaps between wall ends that the body cannot pass, shape (k, 4), [m]."""
+    if len(walls) < 2:
+        return np.zeros((0, 4))
+    from scipy.spatial import cKDTree
+
+    ends = np.vstack([walls[:, :2], walls[:, 2:]])
+    owner = np.tile(np.arange(len(walls)), 2)
+    pairs = cKDTree(ends).query_pairs(gap_m, output_type="ndarray")
+    pairs = pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]]
+    return np.hstack([ends[pairs[:, 0]], ends[pairs[:, 1]]])
+
+
+def _placed(poses: Sequence[Pose], segments: Sequence[Array]) -> Array:
+    """Segments of each scan, shape (n, 4), placed in the map frame and stacked."""
+    rows = [p.transform(s.reshape(-1, 2)).reshape(-1, 4) for p, s in zip(poses, segments, strict=True)]
+    return np.vstack(rows) if rows else np.zeros((0, 4))
+
+
+def _add_segments(frame: GridFrame, evidence: Array, segments: Array, weight: float) -> None:
+    """Add a weight to each cell that a segment passes, once per segment."""
+    for x1, y1, x2, y2 in segments:
+        count = max(2, math.ceil(math.hypot(x2 - x1, y2 - y1) / (0.4 * frame.resolution_m)) + 1)
+        t = np.linspace(0.0, 1.0, count)[:, None]
+        _add_cells(frame, evidence, np.array([[x1, y1]]) + t * np.array([[x2 - x1, y2 - y1]]), weight)
+
+
+def _add_cells(frame: GridFrame, evidence: Array, points: Array, weight: float) -> None:
+    if not len(points):
+        return
+    cells = np.unique(frame.cells(points), axis=0)
+    cells = cells[frame.contains(cells)]
+    evidence[cells[:, 0], cells[:, 1]] += weight
+
+
+def _disc_trail(frame: GridFrame, trail: Array, radius_m: float) -> Mask:
+    """Cells that the body has covered."""
+    been = np.ones(frame.shape, dtype=bool)
+    cells = frame.cells(trail)
+    cells = cells[frame.contains(cells)]
+    been[cells[:, 0], cells[:, 1]] = False
+    return np.asarray(ndimage.distance_transform_edt(been) * frame.resolution_m <= radius_m - 0.5 * frame.resolution_m)

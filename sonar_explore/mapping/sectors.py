@@ -1,0 +1,94 @@
+"""The two loops behind the grid: how far each direction is clear, and which cells that clears."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sonar_explore.compiled import kernel
+from sonar_explore.geometry import Array, Pose
+from sonar_explore.mapping.grid import GridFrame
+
+
+def cut_at_walls(
+    x: float, y: float, heading: float, clear_m: Array, barriers: Array, own: Array, margin_m: float
+) -> Array:
+    """Shorten each direction to the nearest barrier it meets.
+
+    Args:
+        x, y, heading: where the scan was taken, map frame, [m] and [rad].
+        clear_m: how far each of n equal sectors about the robot is clear, shape (n,), [m].
+        barriers, own: segments in the map frame, shape (k, 4), [m].
+        margin_m: how far before a barrier to stop, [m].
+    """
+    out = clear_m.copy()
+    _cut(x, y, heading, out, barriers, margin_m)
+    _cut(x, y, heading, out, own, margin_m)
+    return np.maximum(out, 0.0)
+
+
+def mark_sector(frame: GridFrame, counts: np.ndarray, pose: Pose, clear_m: Array, weight: float = 1) -> None:
+    """Add a weight to each cell whose centre lies within the clear part of its direction."""
+    _mark(counts, frame.x0, frame.y0, frame.resolution_m, pose.x, pose.y, pose.heading, clear_m, weight)
+
+
+@kernel
+def _cut(x, y, heading, clear, segments, margin):  # type: ignore[no-untyped-def]
+    n = len(clear)
+    reach = 0.0
+    for b in range(n):
+        reach = max(reach, clear[b])
+    reach += margin
+    for i in range(len(segments)):
+        ax, ay = segments[i, 0] - x, segments[i, 1] - y
+        bx, by = segments[i, 2] - x, segments[i, 3] - y
+        ex, ey = bx - ax, by - ay
+        length2 = ex * ex + ey * ey
+        if length2 < 1e-12:
+            continue
+        t = min(1.0, max(0.0, -(ax * ex + ay * ey) / length2))
+        if math.hypot(ax + t * ex, ay + t * ey) > reach:
+            continue
+        start = (math.atan2(ay, ax) - heading) / (2.0 * math.pi) * n
+        turn = math.atan2(ax * by - ay * bx, ax * bx + ay * by) / (2.0 * math.pi) * n
+        if turn < 0.0:
+            start += turn
+            turn = -turn
+        # sectors whose middle ray meets the segment, and the ones that hold its ends
+        for b in range(int(math.floor(start)), int(math.floor(start + turn)) + 1):
+            middle = (b + 0.5) / n * 2.0 * math.pi + heading
+            c, s = math.cos(middle), math.sin(middle)
+            denominator = c * ey - s * ex
+            r = reach
+            if abs(denominator) > 1e-9:
+                r = (ax * ey - ay * ex) / denominator
+                along = (c * r - ax) * ex + (s * r - ay) * ey
+                if along < 0.0 or along > length2 or r < 0.0:
+                    r = min(math.hypot(ax, ay), math.hypot(bx, by))
+            clear[b % n] = min(clear[b % n], r - margin)
+
+
+@kernel
+def _mark(counts, x0, y0, resolution, x, y, heading, clear, weight):  # type: ignore[no-untyped-def]
+    n = len(clear)
+    rows, columns = counts.shape
+    reach = 0.0
+    for b in range(n):
+        reach = max(reach, clear[b])
+    if reach <= 0.0:
+        return
+    r0 = max(0, int(math.floor((y - reach - y0) / resolution)))
+    r1 = min(rows - 1, int(math.floor((y + reach - y0) / resolution)))
+    c0 = max(0, int(math.floor((x - reach - x0) / resolution)))
+    c1 = min(columns - 1, int(math.floor((x + reach - x0) / resolution)))
+    for row in range(r0, r1 + 1):
+        dy = y0 + (row + 0.5) * resolution - y
+        for column in range(c0, c1 + 1):
+            dx = x0 + (column + 0.5) * resolution - x
+            distance = math.hypot(dx, dy)
+            if distance > reach:
+                continue
+            b = int(math.floor((math.atan2(dy, dx) - heading) / (2.0 * math.pi) * n)) % n
+            if distance <= clear[b]:
+                counts[row, column] += weight

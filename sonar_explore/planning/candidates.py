@@ -1,0 +1,203 @@
+"""Candidate scan positions: where the robot can go, what it may see there, and which chains it would meet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonar_explore.geometry import Array
+from sonar_explore.mapping.frontiers import passable
+from sonar_explore.mapping.grid import UNKNOWN, Cells, Mask
+from sonar_explore.mapping.occupancy import OccupancyGrid
+from sonar_explore.planning.paths import SafePaths
+from sonar_explore.slam.chains import Chain
+
+RAYS = 48
+
+
+@dataclass(frozen=True)
+class CandidateConfig:
+    """Which places are worth a scan."""
+
+    spacing_m: float = 0.25
+    """Distance between neighbouring places on the lattice, [m]."""
+    view_m: float = 1.5
+    """How far a scan is expected to clear, [m]."""
+    least_area_m2: float = 0.10
+    """New area below which a place is not worth a scan, [m2]."""
+    apart_m: float = 0.30
+    """Least distance from every earlier scan position and from places put aside, [m]."""
+    most: int = 32
+    """Candidates offered at once."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One place for the next scan."""
+
+    x: float
+    """Map frame, [m]."""
+    y: float
+    """[m]"""
+    path_length_m: float
+    """Cheapest safe path from here, weighted by discomfort, [m]."""
+    new_area_m2: float
+    """Unknown area that the body could occupy, within view and in line of sight, [m2]."""
+    chains: tuple[int, ...]
+    """Ids of the chains that should answer there: the foot of the normal lies on them, near and in sight."""
+    certainty: float
+    """Sum of P(root) of those chains, by the better of each direction: 2 where two walls across each other are sure."""
+    missing_links: tuple[int, ...]
+    """Ids of dangling chains that should answer there together with a normal chain."""
+
+
+class CandidateFinder:
+    """Finds candidate scan positions on a lattice over the reachable free space."""
+
+    def __init__(self, config: CandidateConfig, body_radius_m: float, range_min_m: float, range_max_m: float) -> None:
+        self._config = config
+        self._body = body_radius_m
+        self._near, self._far = range_min_m, range_max_m
+
+    def find(
+        self,
+        grid: OccupancyGrid,
+        paths: SafePaths,
+        chains: Sequence[Chain],
+        taken: Array,
+        tried: dict[int, int],
+    ) -> tuple[Candidate, ...]:
+        """The most promising places, the largest new area per path first.
+
+        Args:
+            grid: the map.
+            paths: safe paths from where the robot is.
+            chains: the chain map.
+            taken: scan positions so far and places put aside, shape (n, 2), map frame, [m].
+            tried: how often the missing link of each dangling chain was looked for.
+        """
+        cells = self._lattice(grid, paths, taken)
+        if not len(cells):
+            return ()
+        way = passable(grid, self._body)
+        area = new_area(cells, way, (grid.states == UNKNOWN) & way, self._config.view_m, grid.frame.resolution_m)
+        places = grid.frame.centres(cells)
+        answers = expected_chains(places, chains, grid, self._near, self._far)
+        dangling = np.array([c.dangling and tried.get(c.id, 0) < 2 for c in chains], dtype=bool)
+        certain = np.array([c.root_probability if not c.dangling else 0.0 for c in chains])
+        meets = np.zeros(len(cells), dtype=bool)
+        if dangling.any():
+            meets = answers[:, dangling].any(axis=1) & answers[:, ~dangling].any(axis=1)
+        length = paths.cost_m[cells[:, 0], cells[:, 1]]
+        worth = (area >= self._config.least_area_m2) | meets
+        rank = np.where(area >= self._config.least_area_m2, area, 0.0) + 0.2 * meets
+        chosen = self._spread(places, np.where(worth, rank / (1.0 + length), 0.0))
+        directions = np.array([c.root.segment.direction for c in chains])
+        found = []
+        for i in chosen:
+            ids = np.flatnonzero(answers[i])
+            found.append(
+                Candidate(
+                    x=float(places[i, 0]),
+                    y=float(places[i, 1]),
+                    path_length_m=float(length[i]),
+                    new_area_m2=float(area[i]),
+                    chains=tuple(chains[k].id for k in ids),
+                    certainty=_certainty(certain[ids], directions[ids]) if len(ids) else 0.0,
+                    missing_links=tuple(chains[k].id for k in ids if dangling[k]) if meets[i] else (),
+                )
+            )
+        return tuple(found)
+
+    def _lattice(self, grid: OccupancyGrid, paths: SafePaths, taken: Array) -> Cells:
+        """In each square of the lattice, the reachable cell with the most room; none near a place taken."""
+        cells = np.argwhere(paths.within)
+        if not len(cells):
+            return cells
+        square = np.floor(grid.frame.centres(cells) / self._config.spacing_m).astype(np.int64)
+        room = np.round(paths.room_m[cells[:, 0], cells[:, 1]], 6)
+        order = np.lexsort((cells[:, 1], cells[:, 0], -room, square[:, 1], square[:, 0]))
+        _, first = np.unique(square[order], axis=0, return_index=True)
+        cells = cells[order[first]]
+        if not len(taken):
+            return cells
+        places = grid.frame.centres(cells)
+        gap = np.hypot(places[:, None, 0] - taken[None, :, 0], places[:, None, 1] - taken[None, :, 1]).min(axis=1)
+        return cells[gap >= self._config.apart_m]
+
+    def _spread(self, places: Array, score: Array) -> list[int]:
+        """The best places, none within twice the lattice spacing of a better one while others are left."""
+        chosen: list[int] = []
+        crowd: list[int] = []
+        for i in np.lexsort((np.arange(len(score)), -score)):
+            if score[i] <= 0.0:
+                break
+            apart = [math.hypot(*(places[i] - places[j])) for j in chosen]
+            (chosen if not apart or min(apart) >= 2.0 * self._config.spacing_m else crowd).append(int(i))
+        return (chosen + crowd)[: self._config.most]
+
+
+def new_area(cells: Cells, way: Mask, unseen: Mask, view_m: float, resolution_m: float) -> Array:
+    """Unseen area in line of sight of each cell, shape (n,), [m2].
+
+    Rays run through passable cells, known or not, and count the unseen ones, each for its share of the disc.
+    """
+    steps = int(view_m / resolution_m)
+    angle = (np.arange(RAYS) + 0.5) * (2.0 * math.pi / RAYS)
+    radius = np.arange(1, steps + 1)
+    rows = np.round(radius[None, :] * np.sin(angle)[:, None]).astype(np.int64)
+    columns = np.round(radius[None, :] * np.cos(angle)[:, None]).astype(np.int64)
+    margin = steps + 1
+    padded_way = np.pad(way, margin)
+    padded_unseen = np.pad(unseen, margin)
+    share = 2.0 * math.pi * radius * resolution_m**2 / RAYS
+    out = np.zeros(len(cells))
+    for i, (row, column) in enumerate(cells + margin):
+        clear = np.logical_and.accumulate(padded_way[row + rows, column + columns], axis=1)
+        out[i] = ((clear & padded_unseen[row + rows, column + columns]) * share).sum()
+    return out
+
+
+def expected_chains(
+    places: Array, chains: Sequence[Chain], grid: OccupancyGrid, near_m: float, far_m: float
+) -> Mask:
+    """Which chains should answer at which places, shape (n places, n chains).
+
+    A wall answers only where the foot of the normal lies on it (READING section 2), within reliable range and in
+    line of sight on the map.
+    """
+    out = np.zeros((len(places), len(chains)), dtype=bool)
+    for k, chain in enumerate(chains):
+        direction = chain.root.segment.direction
+        along = np.array([math.cos(direction), math.sin(direction)])
+        across = np.array([-along[1], along[0]])
+        ends = np.array([link.segment.as_row() for link in chain.links]).reshape(-1, 2)
+        foot = places @ along
+        offset = float(np.mean(ends @ across)) - places @ across
+        on_wall = (foot >= (ends @ along).min()) & (foot <= (ends @ along).max())
+        maybe = on_wall & (np.abs(offset) >= near_m) & (np.abs(offset) <= far_m)
+        for i in np.flatnonzero(maybe):
+            out[i, k] = _in_sight(places[i], places[i] + offset[i] * across, grid)
+    return out
+
+
+def _in_sight(start: Array, foot: Array, grid: OccupancyGrid) -> bool:
+    """Whether no occupied cell stands more than 15 cm before the foot."""
+    length = math.hypot(*(foot - start))
+    count = int((length - 0.15) / grid.frame.resolution_m)
+    if count < 1:
+        return True
+    points = start + (foot - start) * ((np.arange(count) + 0.5) * grid.frame.resolution_m / length)[:, None]
+    cells = grid.frame.cells(points)
+    cells = cells[grid.frame.contains(cells)]
+    return not grid.occupied[cells[:, 0], cells[:, 1]].any()
+
+
+def _certainty(probabilities: Array, directions: Array) -> float:
+    """How sure the position is across and along the surest chain: 0 to 2."""
+    best = int(np.argmax(probabilities))
+    crossing = np.abs(np.sin(directions - directions[best])) * probabilities
+    return float(probabilities[best] + crossing.max())

@@ -1,0 +1,119 @@
+"""Safe paths: clearance from everything that is not known to be free, with a preference for the middle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+from skimage.graph import MCP_Geometric
+from skimage.measure import approximate_polygon
+from skimage.morphology import remove_small_holes
+
+from sonar_explore.geometry import Array
+from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask
+from sonar_explore.mapping.occupancy import OccupancyGrid
+
+
+@dataclass(frozen=True)
+class PlanningConfig:
+    """How much room a path keeps."""
+
+    margin_m: float = 0.04
+    """Least room beside the body, [m]."""
+    comfort_m: float = 0.35
+    """Distance from walls below which a path costs more, [m]."""
+    comfort_weight: float = 6.0
+    """How many times dearer a cell at the least room is than one in the open."""
+    speck_m2: float = 0.05
+    """Unknown specks up to this size inside free space do not shut it, [m2]."""
+    escape_m: float = 0.30
+    """From a start without room a path may first leave it within this distance, [m]."""
+
+
+class SafePaths:
+    """All cheapest safe paths from one place (Dijkstra over 8-connected cells)."""
+
+    def __init__(
+        self, grid: OccupancyGrid, x: float, y: float, body_radius_m: float, config: PlanningConfig,
+        shut: Array | None = None,
+    ) -> None:
+        self.frame: GridFrame = grid.frame
+        res = grid.frame.resolution_m
+        room = clearance(grid, config, shut)
+        least = body_radius_m + config.margin_m
+        cost = np.where(room >= least, _cost(room, least, config), np.inf)
+        start = grid.frame.cell(x, y)
+        rows, columns = np.indices(grid.frame.shape)
+        near = np.hypot(rows - start[0], columns - start[1]) * res <= config.escape_m
+        leave = near & (room < least) & (grid.states != OCCUPIED)
+        cost[leave] = 1.0 + 2.0 * config.comfort_weight
+        cost[start] = 1.0
+        self.room_m = room
+        """Distance of each cell to the nearest cell that is not free, shape (rows, columns), [m]."""
+        self._mcp = MCP_Geometric(cost, fully_connected=True)
+        self._costs, _ = self._mcp.find_costs([start])
+        self.within = np.isfinite(self._costs) & (room >= least)
+        """Cells that the body can be driven to, shape (rows, columns)."""
+
+    @property
+    def cost_m(self) -> Array:
+        """Path length weighted by discomfort to each cell, shape (rows, columns), [m]; inf where there is no way."""
+        return np.asarray(self._costs * self.frame.resolution_m)
+
+    def to(self, x: float, y: float) -> Array | None:
+        """The way to a place as a polyline of cell centres, shape (n, 2), map frame, [m]; None where there is none."""
+        cell = self.frame.cell(x, y)
+        if not self.frame.contains(np.array([cell]))[0] or not np.isfinite(self._costs[cell]):
+            return None
+        cells = np.array(self._mcp.traceback(cell))
+        return self.frame.centres(cells)
+
+
+def clearance(grid: OccupancyGrid, config: PlanningConfig, shut: Array | None = None) -> Array:
+    """Distance of each cell to the nearest one that is not free, small unknown specks apart; (rows, columns), [m].
+
+    Args:
+        shut: places where the way was found shut, x y, shape (n, 2), map frame, [m].
+    """
+    res = grid.frame.resolution_m
+    free: Mask = remove_small_holes(grid.states == FREE, max_size=round(config.speck_m2 / res**2))
+    free = free & (grid.states != OCCUPIED)
+    if shut is not None and len(shut):
+        cells = grid.frame.cells(shut)
+        cells = cells[grid.frame.contains(cells)]
+        free[cells[:, 0], cells[:, 1]] = False
+    return np.asarray((ndimage.distance_transform_edt(free) - 0.5) * res)
+
+
+def _cost(room: Array, least: float, config: PlanningConfig) -> Array:
+    lack = np.clip((config.comfort_m - room) / (config.comfort_m - least), 0.0, 1.0)
+    return np.asarray(1.0 + config.comfort_weight * lack**2)
+
+
+def straightened(path: Array, room_m: Array, frame: GridFrame, tolerance_m: float = 0.06) -> Array:
+    """Fewer corners on nearly the same way, shape (k, 2), [m]; shortcuts keep the room that the path had."""
+    if len(path) <= 2:
+        return path
+    simple = approximate_polygon(path, tolerance_m)
+    least = _least_room(path, room_m, frame)
+    return simple if _least_room(_sampled(simple, frame.resolution_m), room_m, frame) >= least - 0.03 else path
+
+
+def path_length(path: Array) -> float:
+    """[m]"""
+    return float(np.hypot(*np.diff(path, axis=0).T).sum())
+
+
+def _least_room(points: Array, room_m: Array, frame: GridFrame) -> float:
+    cells = frame.cells(points)
+    return float(room_m[cells[:, 0], cells[:, 1]].min())
+
+
+def _sampled(path: Array, step_m: float) -> Array:
+    pieces = [path[:1]]
+    for a, b in zip(path[:-1], path[1:], strict=True):
+        count = max(1, math.ceil(math.hypot(*(b - a)) / step_m))
+        pieces.append(a + (b - a) * (np.arange(1, count + 1) / count)[:, None])
+    return np.vstack(pieces)
