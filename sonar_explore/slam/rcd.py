@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -186,12 +185,3 @@ def _region(sweep: _Sweep, start: int, length: int) -> Rcd:
         depth_m=float(np.median(sweep.ranges[run] + lever)),
         echo_m=float(np.median(sweep.ranges[run])),
     )
-
-
-def split(scan: Scan, region: Rcd, parts: int) -> list[Rcd]:
-    """Cut a region into parts of (as nearly as the readings allow) equal width."""
-    sweep = _sweep(scan)
-    n = len(sweep.order) // 2
-    start = int(np.flatnonzero(sweep.order[:n] == region.readings[0])[0])
-    cuts = np.linspace(0, len(region.readings), parts + 1).round().astype(int)
-    return [_region(sweep, (start + int(a)) % n, int(b - a)) for a, b in pairwise(cuts) if b > a]

@@ -28,7 +28,7 @@ class Residuals:
     """Signed normal distance from the feature's middle to the root's line, after the feature alone was turned
     about the robot until parallel to the root, shape (n,), [m]."""
     normals: Array
-    """Unit normal of the root's line: a shift s of the robot adds normal . s to the distance, shape (n, 2)."""
+    """Unit normal of the root's line: a shift s of the robot adds normal . s to NDR, shape (n, 2)."""
     link_ndr_m: Array
     """The same distance to the associated link's line, shape (n,), [m]."""
     link_normals: Array

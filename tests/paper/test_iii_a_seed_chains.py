@@ -1,0 +1,89 @@
+"""Section III.A: the first scan seeds the chains."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sonar_explore.errors import SonarExploreError
+from sonar_explore.geometry import Pose
+from sonar_explore.slam import ChainMap, FeatureKind, Link, SlamConfig, make_slam
+from tests.slam.synthetic import rectangle, scan_room, wall_feature
+
+ROOM, CORNERS = rectangle(2.6, 2.2)
+START = Pose(1.2, 0.9, 0.3)
+
+
+def link(x=0.0, scan=0):
+    feature = wall_feature(0.2, 1.0)
+    return Link(feature.segment.transformed(Pose(x, 0.0, 0.0)), scan, 0, feature)
+
+
+def test_every_wall_of_the_first_scan_roots_a_chain_of_certainty_one():
+    slam = make_slam("chain", START, SlamConfig())
+    update = slam.update(scan_room(START, ROOM, CORNERS))
+    walls = [f for f in update.features if f.kind is FeatureKind.WALL]
+    assert len(walls) == len(slam.chains) == len(update.new_chains) == 4
+    assert all(c.root_probability == 1.0 and not c.dangling for c in slam.chains.chains)
+    assert [c.root.feature for c in slam.chains.chains] == walls
+
+
+def test_corners_and_edges_root_no_chain():
+    slam = make_slam("chain", START, SlamConfig())
+    update = slam.update(scan_room(START, ROOM, CORNERS))
+    assert any(f.kind is FeatureKind.CORNER for f in update.features)
+    assert all(c.root.feature.kind is FeatureKind.WALL for c in slam.chains.chains)
+
+
+def test_a_scan_of_the_same_room_lengthens_every_chain():
+    slam = make_slam("chain", START, SlamConfig())
+    for _ in range(3):
+        slam.update(scan_room(START, ROOM, CORNERS))
+    assert [len(c.links) for c in slam.chains.chains] == [3, 3, 3, 3]
+    assert [link.scan for link in slam.chains.chains[0].links] == [0, 1, 2]
+
+
+def test_a_first_scan_that_hears_nothing_leaves_the_next_one_first():
+    slam = make_slam("chain", START, SlamConfig())
+    assert slam.update(scan_room(START, [])).features == ()
+    slam.update(scan_room(START, ROOM))
+    assert {c.root_probability for c in slam.chains.chains} == {1.0}
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.tuples(st.sampled_from("rlm"), st.integers(0, 50), st.integers(0, 50)), max_size=60))
+def test_the_stack_and_the_chains_say_the_same_and_ids_are_never_used_again(actions):
+    chains, seen = ChainMap(), set()
+    for step, (action, i, j) in enumerate(actions):
+        ids = [c.id for c in chains.chains]
+        if action == "r" or not ids:
+            new = chains.add_root(link(step), 0.5)
+            assert new not in seen
+            seen.add(new)
+        elif action == "l":
+            chains.add_link(ids[i % len(ids)], link(step))
+        elif ids[i % len(ids)] != ids[j % len(ids)]:
+            chains.merge(ids[i % len(ids)], ids[j % len(ids)])
+    rows = zip(chains.segments, chains.chain_ids, chains.link_indices, strict=True)
+    for segment, chain_id, index in rows:
+        assert chains[int(chain_id)].links[index].segment.as_row() == pytest.approx(tuple(segment))
+    assert len(chains.segments) == sum(len(c.links) for c in chains.chains)
+
+
+def test_links_can_be_placed_again_with_their_scans():
+    chains = ChainMap()
+    chain = chains.add_root(link(scan=0), 1.0)
+    chains.add_link(chain, link(scan=1))
+    moved = Pose(0.3, -0.1, math.pi / 3)
+    chains.place({1: moved})
+    expected = link().feature.segment.transformed(moved).as_row()
+    assert chains[chain].links[1].segment.as_row() == pytest.approx(expected)
+    assert chains.segments[1] == pytest.approx(np.array(expected))
+    assert chains[chain].links[0] == link(scan=0)
+
+
+def test_an_unknown_chain_is_named_in_the_error():
+    with pytest.raises(SonarExploreError, match="no chain 7"):
+        ChainMap()[7]
