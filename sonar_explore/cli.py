@@ -30,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         status = commands.main(arguments, prog_name="sonar-explore", standalone_mode=False)
         sys.stdout.flush()
-        return status if isinstance(status, int) else 0
+        return status if isinstance(status, int) else 0  # an int is click's own, after --help and the like
     except SonarExploreError as error:
         return _complain(str(error))
     except click.ClickException as error:
@@ -192,7 +192,7 @@ def _config(max_scans: int | None) -> Any:
     """The runner's configuration, None for its defaults."""
     if max_scans is None:
         return None
-    from sonar_explore.episodes.run import ExplorationConfig
+    from sonar_explore.config import ExplorationConfig
 
     return ExplorationConfig(max_scans=max_scans)
 

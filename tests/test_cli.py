@@ -47,7 +47,7 @@ def runner(monkeypatch: pytest.MonkeyPatch, record: EpisodeRecord) -> SimpleName
             on_step(step)
         return record
 
-    vars(module).update(run_episode=run_episode, ExplorationConfig=dict)
+    vars(module).update(run_episode=run_episode)
     monkeypatch.setitem(sys.modules, "sonar_explore.episodes.run", module)
     return state
 
@@ -175,7 +175,7 @@ def test_json_is_one_object_and_nothing_else(capsys: Capture, folder: Path, runn
 
 def test_max_scans_reaches_the_runner(capsys: Capture, folder: Path, runner: SimpleNamespace) -> None:
     assert cli.main(["run", "loop", "--json", "--max-scans", "5"]) == 0
-    assert runner.calls[0][-1] == {"max_scans": 5}
+    assert runner.calls[0][-1].max_scans == 5
 
 
 def test_a_world_file_names_a_folder_of_one_level(folder: Path) -> None:

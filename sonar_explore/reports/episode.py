@@ -57,21 +57,21 @@ def tiles(summary: Summary) -> list[tuple[str, str, str]]:
     """(label, value, note) of the key figures."""
     position, heading = summary.position_error_m, summary.heading_error_deg
     wall_error = "no occupied cell" if summary.wall_error_m is None else f"{summary.wall_error_m:.3f} m off"
-    loop = {None: "none", True: "closed", False: "open"}[summary.loop_closed]
+    loop = [] if summary.loop_closed is None else [("Loop", "closed" if summary.loop_closed else "open", "")]
     return [
         ("Explored", f"{100 * summary.explored_fraction:.1f} %", f"{summary.decisions} decisions"),
         (
             "Final position error",
             f"{position.final:.3f} m",
-            f"mean {position.mean:.3f}, max {position.max:.3f}",
+            f"mean {position.mean:.3f}, max\u00a0{position.max:.3f}",
         ),
         (
             "Final heading error",
             f"{heading.final:.1f}°",
-            f"mean {heading.mean:.1f}, max {heading.max:.1f}",
+            f"mean {heading.mean:.1f}, max\u00a0{heading.max:.1f}",
         ),
         ("Walls found", f"{100 * summary.wall_recall:.0f} %", wall_error),
-        ("False-free", f"{100 * summary.false_free_fraction:.2f} %", "cells called free that are not"),
+        ("False-free", f"{100 * summary.false_free_fraction:.2f} %", "free cells that are not"),
         (
             "Driven",
             f"{summary.path_length_m:.1f} m",
@@ -79,7 +79,7 @@ def tiles(summary: Summary) -> list[tuple[str, str, str]]:
         ),
         ("Contacts", str(summary.contacts), "with walls"),
         ("Chains", str(summary.chains), f"{summary.dangling_chains} dangling, {summary.merges} merged"),
-        ("Loop", loop, "in this world"),
+        *loop,
     ]
 
 

@@ -35,7 +35,7 @@ def summary_table(summary: Summary) -> Table:
     """The figures of an episode that a reader asks for first."""
     position, heading = summary.position_error_m, summary.heading_error_deg
     rows = [
-        ("ended", summary.end_reason),
+        ("ended", summary.end_reason.replace("_", " ")),
         ("explored", f"{100 * summary.explored_fraction:.1f} % in {summary.scans} scans"),
         ("driven", f"{summary.path_length_m:.1f} m, {summary.contacts} contacts"),
         (

@@ -80,6 +80,13 @@ def test_the_page_opens_no_network(page: str) -> None:
     assert "default-src 'none'" in page
 
 
+def test_every_element_that_the_script_asks_for_is_there(page: str) -> None:
+    ids = {attributes.get("id") for _, attributes in Elements(page).tags}
+    asked = set(re.findall(r'\$\("([\w-]+)"\)', Elements(page).scripts[1]))
+    assert asked
+    assert asked <= ids
+
+
 def test_a_hostile_world_name_stays_text() -> None:
     page = episode_page(synthetic_record(HOSTILE))
     elements = Elements(page)

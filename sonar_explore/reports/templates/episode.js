@@ -178,6 +178,7 @@ function show(k) {
     tellAssociations(scans[k]);
     tellDecision(scans[k].decision);
   }
+  thinTexts();
   for (const cursor of document.querySelectorAll(".cursor")) {
     const x = cursor.dataset.x.split(" ")[k];
     cursor.setAttribute("visibility", whole ? "hidden" : "visible");
@@ -211,11 +212,31 @@ function layers() {
   if (Number(slider.value) >= END) $("past").style.display = "none";
 }
 
+/** Of texts that would cover each other, within so many pixels, only the first is shown. */
+function thin(texts, width, height) {
+  const k = Number(map.style.getPropertyValue("--k")) || 1;
+  const placed = [];
+  for (const text of texts) {
+    const [x, y] = [Number(text.getAttribute("x")) / k, Number(text.getAttribute("y")) / k];
+    const free = placed.every(([px, py]) => Math.abs(px - x) > width || Math.abs(py - y) > height);
+    text.style.display = free ? "" : "none";
+    if (free) placed.push([x, y]);
+  }
+}
+
+/** The current scan's number goes first, so that it is always shown. */
+function thinTexts() {
+  const numbers = [...map.querySelectorAll(".number")].filter((n) => n.parentNode.style.visibility !== "hidden");
+  thin(numbers.sort((a, b) => b.parentNode.matches(".now") - a.parentNode.matches(".now")), 16, 11);
+  thin($("dangling").children, 76, 13);
+}
+
 /** Text and marks keep their size on the screen whatever the window's width. */
 function rescale() {
   const box = map.viewBox.baseVal;
   const scale = Math.min(map.clientWidth / box.width, map.clientHeight / box.height);
   if (scale > 0) map.style.setProperty("--k", (1 / scale).toFixed(3));
+  thinTexts();
 }
 
 const finalLabels = [...$("dangling").children];
