@@ -212,23 +212,20 @@ function layers() {
   if (Number(slider.value) >= END) $("past").style.display = "none";
 }
 
-/** Of texts that would cover each other, within so many pixels, only the first is shown. */
-function thin(texts, width, height) {
-  const k = Number(map.style.getPropertyValue("--k")) || 1;
-  const placed = [];
-  for (const text of texts) {
-    const [x, y] = [Number(text.getAttribute("x")) / k, Number(text.getAttribute("y")) / k];
-    const free = placed.every(([px, py]) => Math.abs(px - x) > width || Math.abs(py - y) > height);
-    text.style.display = free ? "" : "none";
-    if (free) placed.push([x, y]);
-  }
-}
-
-/** The current scan's number goes first, so that it is always shown. */
+/** Of texts that would cover each other the first is shown: the current scan's number, then labels, then numbers. */
 function thinTexts() {
   const numbers = [...map.querySelectorAll(".number")].filter((n) => n.parentNode.style.visibility !== "hidden");
-  thin(numbers.sort((a, b) => b.parentNode.matches(".now") - a.parentNode.matches(".now")), 16, 11);
-  thin($("dangling").children, 76, 13);
+  const now = numbers.filter((n) => n.parentNode.matches(".now"));
+  const texts = [...now, ...$("dangling").children, ...numbers.filter((n) => !now.includes(n))];
+  for (const text of texts) text.style.display = "";
+  const boxes = texts.map((text) => text.getBoundingClientRect());
+  const placed = [];
+  texts.forEach((text, i) => {
+    const { left, right, top, bottom } = boxes[i];
+    const free = placed.every((p) => left > p.right || right < p.left || top + 3 > p.bottom || bottom - 3 < p.top);
+    text.style.display = free ? "" : "none";
+    if (free) placed.push(boxes[i]);
+  });
 }
 
 /** Text and marks keep their size on the screen whatever the window's width. */
