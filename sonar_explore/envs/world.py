@@ -189,8 +189,7 @@ def _check_extent(world: World) -> None:
 def _check_start(world: World) -> None:
     x, y = world.start.x, world.start.y
     x_min, y_min, x_max, y_max = world.bounds
-    margin = AmigoBot.radius_m
-    if not (x_min - margin <= x <= x_max + margin and y_min - margin <= y <= y_max + margin):
+    if not (x_min <= x <= x_max and y_min <= y <= y_max):
         raise SonarExploreError(
             f"{world.name}: the start ({x:.2f}, {y:.2f}) lies outside the walls, which span "
             f"x {x_min:.2f} to {x_max:.2f}, y {y_min:.2f} to {y_max:.2f}{_offer(world)}"

@@ -49,12 +49,12 @@ class Lattice:
     @property
     def x(self) -> Array:
         """Middles of the columns, [m]."""
-        return self.origin[0] + (np.arange(self.shape[1]) + 0.5) * self.resolution_m
+        return (np.arange(self.shape[1], dtype=np.float64) + 0.5) * self.resolution_m + self.origin[0]
 
     @property
     def y(self) -> Array:
         """Middles of the rows, [m]."""
-        return self.origin[1] + (np.arange(self.shape[0]) + 0.5) * self.resolution_m
+        return (np.arange(self.shape[0], dtype=np.float64) + 0.5) * self.resolution_m + self.origin[1]
 
     def middles(self, mask: Mask) -> Array:
         """Middles (x, y) of the cells in the mask, shape (n, 2), [m]."""

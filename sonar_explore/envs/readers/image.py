@@ -8,6 +8,7 @@ neighbouring lines meet where they cross. Specks too small to tell their shape b
 from __future__ import annotations
 
 import io
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,7 +31,8 @@ DEFAULT_RESOLUTION_M = 0.05
 DEFAULT_THRESHOLD = 210
 """Brighter pixels are free, 0 to 255; just above 205, the grey that map servers draw for unknown."""
 MAX_PIXELS = 50_000_000
-RUN_TOLERANCE_PX = 0.75
+_MAGIC = (b"\x89PNG", b"P2", b"P5")
+RUN_TOLERANCE_PX = 0.7
 """How far the edge of the drawing may lie from the line fitted to it."""
 SPECK_PX = 3.0
 """Up to this size a drawing cannot tell round from square: a column, heard from all sides."""
@@ -83,11 +85,14 @@ def load_image_world(
 def _brightness(path: Path) -> Array:
     """Grey values 0 to 255, shape (rows, columns); what is transparent shows white paper."""
     data = read_bytes(path)
+    if not data.startswith(_MAGIC):
+        raise SonarExploreError(f"{path.name}: not a PNG or PGM image: it starts with {data[:8]!r}")
     try:
-        image = np.asarray(skimage.io.imread(io.BytesIO(data)))
-    except Exception as error:  # the decoders raise whatever they meet
-        reason = " ".join(str(error).split())[:120]
-        raise SonarExploreError(f"{path.name}: not a readable PNG or PGM image: {reason}") from None
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of decoders that are tried in vain
+            image = np.asarray(skimage.io.imread(io.BytesIO(data)))
+    except Exception:  # the decoders raise whatever they meet
+        raise SonarExploreError(f"{path.name}: a PNG or PGM image that is damaged or cut short") from None
     if image.ndim not in (2, 3) or image.size == 0 or image.shape[0] * image.shape[1] > MAX_PIXELS:
         raise SonarExploreError(f"{path.name}: image of shape {image.shape}; at most {MAX_PIXELS} pixels")
     top = np.iinfo(image.dtype).max if np.issubdtype(image.dtype, np.integer) else 1.0
@@ -265,8 +270,8 @@ def _fit(ring: Array, i: int, j: int) -> _Line:
 
 def _fit_error(ring: Array, i: int, j: int) -> float:
     middle, direction = _fit(ring, i, j)
-    offsets = ring[np.arange(i, j + 1) % len(ring)] - middle
-    return float(np.abs(offsets[:, 0] * direction[1] - offsets[:, 1] * direction[0]).max())
+    offsets = ring[np.arange(i + 1, j) % len(ring)] - middle
+    return float(np.abs(offsets[:, 0] * direction[1] - offsets[:, 1] * direction[0]).max(initial=0.0))
 
 
 def _meet(before: _Line, after: _Line, corner: Array) -> Array:
