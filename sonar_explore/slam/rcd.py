@@ -18,7 +18,7 @@ from sonar_explore.geometry import Array
 from sonar_explore.measurement import Scan
 
 LARGEST_GAP_STEPS = 2.0  # headings farther apart than this many usual steps do not follow one another
-TIE_M = 1e-9  # spreads closer than this are equal: the choice must not hang on the last bit
+TIE_DECIMALS = 9  # spreads equal to a nanometre are a tie: the choice must not hang on the last bit
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,19 +158,20 @@ def _runs_longest_first(sweep: _Sweep, tolerance_m: float) -> list[tuple[int, in
     """(start, length) of every run that is constant, longest first, then flattest, then nearest."""
     n = len(sweep.order) // 2
     breaks = np.concatenate([[0], np.cumsum(~sweep.joined)])
-    found: list[tuple[int, float, float, int]] = []
+    found = [np.empty((0, 4))]
     for length in range(2, n + 1):
-        whole = breaks[length - 1 : length - 1 + n] == breaks[:n]
-        if not whole.any():
-            break
-        depths = _depths(sweep, length)
-        medians = np.median(depths, axis=1)
+        whole = np.flatnonzero(breaks[length - 1 : length - 1 + n] == breaks[:n])
+        depths = _depths(sweep, length)[whole]
+        medians = np.median(depths, axis=1) if whole.size else np.empty(0)
         spreads = np.abs(depths - medians[:, None]).max(axis=1)
-        starts = np.flatnonzero(whole & (spreads <= tolerance_m))
-        if not starts.size:
+        constant = spreads <= tolerance_m
+        if not constant.any():
             break
-        found += [(-length, round(spreads[s] / TIE_M) * TIE_M, round(medians[s], 9), int(s)) for s in starts]
-    return [(start, -negative_length) for negative_length, _, _, start in sorted(found)]
+        rows = [whole, np.full(whole.size, length), spreads.round(TIE_DECIMALS), medians.round(TIE_DECIMALS)]
+        found.append(np.stack(rows, axis=1)[constant])
+    starts, lengths, spreads, medians = np.concatenate(found).T
+    order = np.lexsort((starts, medians, spreads, -lengths))
+    return [(int(starts[i]), int(lengths[i])) for i in order]
 
 
 def _region(sweep: _Sweep, start: int, length: int) -> Rcd:

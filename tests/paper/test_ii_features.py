@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from synthetic import CENTRED, RANGE_MAX, ROBOT, half_angle, rectangle, scan_room
 
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Pose, Segment
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.features import FeatureConfig, FeatureKind, compensated_ranges, extract_features
-from tests.slam.synthetic import CENTRED, RANGE_MAX, ROBOT, half_angle, rectangle, scan_room
 
 CONFIG = FeatureConfig()
 ROOM, CORNERS = rectangle(2.6, 2.2)

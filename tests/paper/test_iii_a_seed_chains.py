@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from synthetic import rectangle, scan_room, wall_feature
 
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Pose
 from sonar_explore.slam import ChainMap, FeatureKind, Link, SlamConfig, make_slam
-from tests.slam.synthetic import rectangle, scan_room, wall_feature
 
 ROOM, CORNERS = rectangle(2.6, 2.2)
 START = Pose(1.2, 0.9, 0.3)

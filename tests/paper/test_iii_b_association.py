@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from synthetic import wall_feature
 
 from sonar_explore.geometry import Pose, Segment
 from sonar_explore.slam import ChainMap, Feature, FeatureKind, Link
 from sonar_explore.slam.association import AssociationConfig, associate
-from tests.slam.synthetic import wall_feature
 
 CONFIG = AssociationConfig()
 ORIGIN = Pose(0.0, 0.0, 0.0)

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from synthetic import wall_feature
 
 from sonar_explore.geometry import Pose
 from sonar_explore.slam import ChainMap, Link
 from sonar_explore.slam.association import Association, AssociationConfig, associate
 from sonar_explore.slam.link_graph import LinkGraphConfig, fit_link_graphs
 from sonar_explore.slam.residuals import Residuals, residuals_to_roots
-from tests.slam.synthetic import wall_feature
 
-# Roots by (bearing of the normal [deg], distance [m]) from the robot. Chain 4 is an open door, parallel to a wall.
+# Roots by (bearing of the normal [deg], distance [m]) from the robot. Chain 4 is an open door beside a wall.
 ROOTS = [(90.0, 1.0), (-90.0, 1.0), (0.0, 1.2), (90.0, 1.5)]
 # Features by name: (chain, ADR [deg], farther than the root by [m]). c is no wall; f lies behind the door.
 FEATURES = {
@@ -28,7 +28,10 @@ FEATURES = {
 NAMES = list(FEATURES)
 
 
-def graphs_of_figure_5(frame=Pose(0.0, 0.0, 0.0)):
+ORIGIN = Pose(0.0, 0.0, 0.0)
+
+
+def graphs_of_figure_5(frame=ORIGIN):
     chains = ChainMap()
     for bearing, distance in ROOTS:
         root = wall_feature(math.radians(bearing), distance, math.radians(30.0))
