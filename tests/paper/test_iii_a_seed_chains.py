@@ -1,3 +1,4 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """Section III.A: the first scan seeds the chains."""
 
 import math

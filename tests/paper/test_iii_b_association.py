@@ -1,3 +1,4 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """Section III.B: gates, and one association for each feature and chain."""
 
 import math

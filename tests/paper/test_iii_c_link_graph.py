@@ -1,3 +1,4 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """Section III.C: link graphs, with the paper's own example of figures 5 to 9."""
 
 import math
@@ -103,11 +104,13 @@ def edges(adr_deg, ndr, bearings_deg, p=None):
 
 
 def final(*args, **kwargs):
-    return list(np.flatnonzero(fit_link_graphs(*edges(*args, **kwargs), LinkGraphConfig()).final))
+    associations, residuals = edges(*args, **kwargs)
+    return list(np.flatnonzero(fit_link_graphs(associations, residuals, LinkGraphConfig()).final))
 
 
 def test_no_association_gives_no_winner():
-    graphs = fit_link_graphs(*edges([], [], []), LinkGraphConfig())
+    associations, residuals = edges([], [], [])
+    graphs = fit_link_graphs(associations, residuals, LinkGraphConfig())
     assert graphs.pair is None and graphs.kept == () and graphs.graph().number_of_edges() == 0
 
 

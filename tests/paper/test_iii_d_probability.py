@@ -1,3 +1,4 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """Section III.D: how sure an association is, equations (1) and (2)."""
 
 import math

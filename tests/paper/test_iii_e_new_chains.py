@@ -1,3 +1,4 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """Section III.E: how sure a new root is, and which chains dangle."""
 
 import numpy as np
@@ -16,12 +17,12 @@ FAR = [Segment(x, 21, x + 2, 21) for x in (-1.0,)]
 
 def test_case_a_is_the_mean_of_the_associated_roots():
     certainty = RootCertainty.of_first_scan().after(np.array([1.0, 0.4]))
-    assert (certainty.probability, certainty.dangling) == (pytest.approx(0.7), False)
+    assert certainty.probability == pytest.approx(0.7) and not certainty.dangling
 
 
 def test_case_b_is_half_of_the_latest_case_a_and_dangles():
     certainty = RootCertainty.of_first_scan().after(np.array([1.0, 0.4])).after(NOTHING)
-    assert (certainty.probability, certainty.dangling) == (pytest.approx(0.35), True)
+    assert certainty.probability == pytest.approx(0.35) and certainty.dangling
 
 
 def test_case_b_without_any_case_a_is_one_half():

@@ -1,3 +1,4 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """Section III.F: first the heading, equation (4), then the position, equation (5)."""
 
 import math

@@ -1,3 +1,4 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """Section III.G: a feature that two chains claim makes them one."""
 
 from synthetic import scan_room, wall_feature

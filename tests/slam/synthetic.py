@@ -1,3 +1,4 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """Specular scans of convex rooms: the first echo above threshold, by READING section 2. No occlusion."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """The extractor on real rotating-sonar scans of a known arena; needs SONAR_EXPLORE_DATA.
 
 The sensor (a hobby ultrasonic ranger) hears near planes over up to 90 degrees, three times the beam that the

@@ -1,3 +1,4 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """The whole of SLAM, scan by scan."""
 
 import math
