@@ -24,6 +24,8 @@ class LocalizationConfig:
 
     min_consensus: int = 1
     """Where several associations were found but fewer than this survive, correct nothing. 1 is the paper."""
+    turn_max_rad: float = math.pi / 2
+    """A correction that turns the robot by more is refused; a quarter turn refuses none (the paper), [rad]."""
     parallel_rad: float = math.radians(10.0)
     """Normals all within this of one direction observe that direction alone: the other is left as it is. The
     paper's window does this for corridors along x or y; this does it for any corridor, [rad]."""
@@ -85,8 +87,10 @@ def localize(residuals: Residuals, weights: Weights, config: LocalizationConfig)
     """
     if not residuals.adr_rad.size:
         return Correction()
-    shift = correct_position(residuals, weights.position, config.parallel_rad)
-    return Correction(*shift, correct_heading(residuals.adr_rad, weights.heading))
+    turn = correct_heading(residuals.adr_rad, weights.heading)
+    if abs(turn) > config.turn_max_rad:
+        return Correction()
+    return Correction(*correct_position(residuals, weights.position, config.parallel_rad), turn)
 
 
 def correct_heading(adr_rad: Array, weights: Array) -> float:

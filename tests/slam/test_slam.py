@@ -176,6 +176,25 @@ def test_without_consensus_a_demand_for_two_corrects_nothing():
     assert len(update.associations) == 2 and update.correction == Correction()
 
 
+def test_a_turn_beyond_belief_is_refused():
+    config = SlamConfig(localization=LocalizationConfig(turn_max_rad=math.radians(5.0)))
+    for degrees, corrected in ((4.0, True), (8.0, False)):
+        slam = ChainSlam(START, config)
+        slam.update(scan_room(START, ROOM, odometry=START))
+        turned = START @ Pose(0, 0, math.radians(degrees))
+        update = slam.update(scan_room(START, ROOM, odometry=turned))
+        assert (update.correction != Correction()) is corrected
+
+
+def test_the_robust_config_leaves_out_a_jamb_that_the_paper_takes_for_a_wall():
+    walls, jamb = [Segment(-2, 0.9, 2, 0.9)], [(0.8, -0.3)]
+    found = [
+        len(ChainSlam(START, config).update(scan_room(Pose(0, 0, 0), walls, edges=jamb)).new_chains)
+        for config in (SlamConfig(), SlamConfig.robust())
+    ]
+    assert found == [2, 1]
+
+
 def test_a_config_out_of_range_is_refused_by_name():
     with pytest.raises(SonarExploreError, match=r"slam\.features\.tolerance_m"):
         SlamConfig(features=FeatureConfig(tolerance_m=0.0))
