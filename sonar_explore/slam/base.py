@@ -36,7 +36,7 @@ class SlamConfig:
         """Beyond the paper: believe less.
 
         The edge of a door jamb one metre away is heard over 16 degrees, a plane within 2 m over 22 or more:
-        walls of 14 degrees at least leave most jambs out. One edge out of several is no consensus. No odometry
+        walls of 14 degrees at least leave out most jambs. One edge of several is no consensus. No odometry
         worth correcting is 10 degrees wrong after one scan and one drive.
         """
         return cls(

@@ -25,7 +25,7 @@ class LocalizationConfig:
     min_consensus: int = 1
     """Where several associations were found but fewer than this survive, correct nothing. 1 is the paper."""
     turn_max_rad: float = math.pi / 2
-    """A correction that turns the robot by more is refused; a quarter turn refuses none (the paper), [rad]."""
+    """A correction that turns the robot by more is refused. A quarter turn, as the paper: none is, [rad]."""
     parallel_rad: float = math.radians(10.0)
     """Normals all within this of one direction observe that direction alone: the other is left as it is. The
     paper's window does this for corridors along x or y; this does it for any corridor, [rad]."""
