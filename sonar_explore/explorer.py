@@ -82,7 +82,7 @@ class Explorer:
         self._tried: dict[int, int] = {}
         self._paths: SafePaths | None = None
         self.gave_up = False
-        """Whether a place was put aside because no way to it was found."""
+        """Whether all that is left are places that were put aside because the way to them was shut."""
         self.grid: OccupancyGrid
         """The map; there from the first scan on."""
 
@@ -115,13 +115,17 @@ class Explorer:
         paths = self._plan(pose)
         chains = self._slam.chains.chains
         scans = np.array([(e.pose.x, e.pose.y) for e in self._slam.scans])
-        taken = np.vstack([scans, np.array(self._put_aside).reshape(-1, 2)])
+        put_aside = np.array(self._put_aside).reshape(-1, 2)
+        candidates = self._finder.find(self.grid, paths, chains, scans, put_aside, self._tried)
+        if not candidates:
+            nothing = np.zeros((0, 2))
+            self.gave_up = bool(self._finder.find(self.grid, paths, chains, scans, nothing, self._tried))
         return Situation(
             pose=pose,
             grid=self.grid,
             chains=chains,
             frontiers=find_frontiers(self.grid, self._body.radius_m, MIN_FRONTIER_M),
-            candidates=self._finder.find(self.grid, paths, chains, taken, self._tried),
+            candidates=candidates,
             scan_positions=scans,
         )
 
@@ -146,7 +150,6 @@ class Explorer:
             self._remember_shut(report)
         if end is not DriveEnd.ARRIVED:
             self._put_aside.append((candidate.x, candidate.y))
-            self.gave_up = True
         here = self.pose()
         return Trip(end, np.array([[here.x, here.y]]) if first is None else first, (*trail, here))
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.envs.rendering import render_ansi, render_rgb
 from sonar_explore.envs.simulator import Simulator
-from sonar_explore.envs.world import World, load_world
+from sonar_explore.envs.world import MAX_COORDINATE_M, World, load_world
 from sonar_explore.episodes.scoring import Scorer
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.explorer import Explorer, Situation, Trip
-from sonar_explore.geometry import Pose
+from sonar_explore.geometry import Pose, wrap_angle
 from sonar_explore.mapping.grid import GridFrame, window
 from sonar_explore.slam import ScanUpdate, make_slam
 
@@ -25,6 +25,7 @@ Observation = dict[str, NDArray[Any]]
 CONTACT_PENALTY = 10.0
 TRAVEL_PENALTY_PER_M = 0.1
 
+_FAR = MAX_COORDINATE_M  # finite bounds: infinite ones cannot be normalised
 CANDIDATE_COLUMNS = ("x", "y", "path_length_m", "new_area_m2", "expected_chains", "certainty", "missing_link")
 CHAIN_COLUMNS = ("x1", "y1", "x2", "y2", "root_probability", "dangling", "links")
 
@@ -39,7 +40,8 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
 
     ## Action Space
     `Discrete(max_candidates)`: index of a candidate. Only those with `action_mask` 1 are possible; another index
-    raises `SonarExploreError`. The mask is also `info["action_mask"]` and `action_masks()`.
+    raises `SonarExploreError`. The mask is also `info["action_mask"]` and `action_masks()`. It is never all 0:
+    where nothing is left, action 0 is possible and ends the episode (a first scan can show all of a small room).
 
     ## Observation Space
     A flat `Dict`; map frame throughout (the world's frame: the map is placed by the start pose).
@@ -51,7 +53,7 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
     | `chains` | (`max_chains`, 7), float32 | x1 y1 x2 y2 of the root [m], P(root), dangling 0/1, number of links; the newest chains, oldest of them first |
     | `chains_mask` | (`max_chains`,), int8 | 1 where there is a chain |
     | `candidates` | (`max_candidates`, 7), float32 | x y [m], path [m], new area [m2], chains expected to answer, their certainty 0..2, missing link 0/1 |
-    | `action_mask` | (`max_candidates`,), int8 | 1 where there is a candidate |
+    | `action_mask` | (`max_candidates`,), int8 | 1 where the action is possible |
 
     ## Rewards
     Newly explored true area [m2] - 0.1 per metre driven - 10 per contact. Area is what exploration is for, travel
@@ -109,16 +111,19 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
         rows, columns = map_shape
         start = self.world.start
         self._frame = GridFrame(
-            (round(start.x / res) - columns // 2) * res, (round(start.y / res) - rows // 2) * res, res, map_shape
+            (round(start.x / res) - columns // 2) * res,
+            (round(start.y / res) - rows // 2) * res,
+            res,
+            map_shape,
         )
         self.action_space = spaces.Discrete(max_candidates)
         self.observation_space = spaces.Dict(
             {
                 "map": spaces.Box(0, 2, map_shape, np.uint8),
-                "pose": spaces.Box(-np.inf, np.inf, (3,), np.float32),
-                "chains": spaces.Box(-np.inf, np.inf, (max_chains, len(CHAIN_COLUMNS)), np.float32),
+                "pose": spaces.Box(-_FAR, _FAR, (3,), np.float32),
+                "chains": spaces.Box(-_FAR, _FAR, (max_chains, len(CHAIN_COLUMNS)), np.float32),
                 "chains_mask": spaces.Box(0, 1, (max_chains,), np.int8),
-                "candidates": spaces.Box(-np.inf, np.inf, (max_candidates, len(CANDIDATE_COLUMNS)), np.float32),
+                "candidates": spaces.Box(-_FAR, _FAR, (max_candidates, len(CANDIDATE_COLUMNS)), np.float32),
                 "action_mask": spaces.Box(0, 1, (max_candidates,), np.int8),
             }
         )
@@ -148,6 +153,8 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
     def step(self, action: np.int64) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Go to a candidate and scan there."""
         candidates = self.situation.candidates
+        if not candidates:
+            return self._observation(), 0.0, True, False, self._info()
         if not 0 <= int(action) < len(candidates):
             raise SonarExploreError(
                 f"action {int(action)} is not possible now; there are {len(candidates)} candidates (see action_mask)"
@@ -169,7 +176,7 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
     def action_masks(self) -> NDArray[np.int8]:
         """Which actions are possible, shape (max_candidates,)."""
         mask = np.zeros(int(self.action_space.n), dtype=np.int8)  # type: ignore[attr-defined]
-        mask[: len(self.situation.candidates)] = 1
+        mask[: max(1, len(self.situation.candidates))] = 1
         return mask
 
     @property
@@ -200,10 +207,18 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
             row[:] = (*chain.root.segment.as_row(), chain.root_probability, chain.dangling, len(chain.links))
         candidate_rows = np.zeros((int(self.action_space.n), len(CANDIDATE_COLUMNS)), dtype=np.float32)  # type: ignore[attr-defined]
         for row, c in zip(candidate_rows, s.candidates, strict=False):
-            row[:] = (c.x, c.y, c.path_length_m, c.new_area_m2, len(c.chains), c.certainty, bool(c.missing_links))
+            row[:] = (
+                c.x,
+                c.y,
+                c.path_length_m,
+                c.new_area_m2,
+                len(c.chains),
+                c.certainty,
+                bool(c.missing_links),
+            )
         return {
             "map": window(s.grid.frame, s.grid.states, self._frame),
-            "pose": np.array([s.pose.x, s.pose.y, np.arctan2(np.sin(s.pose.heading), np.cos(s.pose.heading))], dtype=np.float32),
+            "pose": np.array([s.pose.x, s.pose.y, wrap_angle(s.pose.heading)], dtype=np.float32),
             "chains": chain_rows,
             "chains_mask": (np.arange(self._max_chains) < len(chains)).astype(np.int8),
             "candidates": candidate_rows,

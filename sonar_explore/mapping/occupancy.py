@@ -17,11 +17,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
-from sonar_explore.geometry import Array, Pose
+from sonar_explore.geometry import Array, Pose, wrap_angle
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States
-from sonar_explore.mapping.sectors import cut_at_walls, mark_sector
+from sonar_explore.mapping.sectors import cut_at_walls, mark_sector, mark_segments
 from sonar_explore.slam.features import Feature, FeatureKind, compensated_ranges
 from sonar_explore.measurement import Scan
 
@@ -43,6 +45,10 @@ class MappingConfig:
     """How far off the normal a wall is taken to go on straight, for the scan that saw it, [rad]."""
     core_rad: float = math.radians(5.0)
     """Half-width of the sector about the normal that a region of constant depth clears for certain, [rad]."""
+    pivot_m: float = 0.10
+    """Feet of two wall features this close are one place, [m]."""
+    pivot_turn_rad: float = math.radians(15.0)
+    """Normals that differ by this much at one place belong to an edge, a corner or a column, [rad]."""
     wall_weight: float = 2.0
     """Evidence of one wall feature for the cells of its segment."""
     point_weight: float = 1.0
@@ -153,22 +159,27 @@ class OccupancyMapper:
         cfg = self._config
         frame = self._covering(poses)
         walls = _placed(poses, [look.walls for look in looks])
+        scan = np.repeat(np.arange(len(looks)), [len(look.walls) for look in looks])
+        pivots = pivot_points(walls, scan, cfg)
+        feet = 0.5 * (walls[pivots, :2] + walls[pivots, 2:])
+        walls = walls[~pivots]
         wall_evidence = np.zeros(frame.shape)
-        _add_segments(frame, wall_evidence, walls, cfg.wall_weight)
-        points = np.vstack([p.transform(look.points) for p, look in zip(poses, looks, strict=True)])
+        mark_segments(frame, wall_evidence, walls, cfg.wall_weight)
+        points = np.vstack([feet, *(p.transform(look.points) for p, look in zip(poses, looks, strict=True))])
         _add_cells(frame, wall_evidence, points, cfg.point_weight)
         core = np.zeros(frame.shape)
         cleared = np.zeros(frame.shape, dtype=np.int32)
-        barriers = np.vstack([walls, bridges(walls, 2.0 * self._body)])
-        for pose, look in zip(poses, looks, strict=True):
-            own = _placed([pose], [look.continuations])
+        gaps = bridges(np.vstack([walls, np.hstack([feet, feet])]), 2.0 * self._body)
+        barriers = np.vstack([walls, gaps])
+        for i, (pose, look) in enumerate(zip(poses, looks, strict=True)):
+            own = _placed([pose], [look.continuations[~pivots[scan == i]]])
             clear = cut_at_walls(pose.x, pose.y, pose.heading, look.clear_m, barriers, own, cfg.wall_margin_m)
             mark_sector(frame, cleared, pose, clear)
             mark_sector(frame, core, pose, look.core_m, cfg.core_weight)
         body = _disc_trail(frame, trail, self._body)
         against = core + cfg.body_weight * body
         bridged = np.zeros(frame.shape)
-        _add_segments(frame, bridged, bridges(walls, 2.0 * self._body), cfg.wall_weight)
+        mark_segments(frame, bridged, gaps, cfg.wall_weight)
         support = np.maximum(wall_evidence, bridged)
         occupied = (support > 0.0) & (support > against)
         free = ((cleared > 0) | (core > 0) | body) & ~occupied
@@ -188,12 +199,29 @@ class OccupancyMapper:
         return self._frame
 
 
+def pivot_points(walls: Array, scan: NDArray[np.int64], config: MappingConfig) -> Mask:
+    """Which wall features are no walls: another scan met the same foot under another normal; shape (n,).
+
+    A plane answers each scan position from another foot under one normal; an edge, a corner or a thin column
+    answers all of them from one place, under normals that turn about it. The body keeps the feet of two true
+    walls that meet farther apart than `pivot_m`.
+    """
+    out = np.zeros(len(walls), dtype=bool)
+    if len(walls) < 2:
+        return out
+    feet = 0.5 * (walls[:, :2] + walls[:, 2:])
+    tangent = np.arctan2(walls[:, 3] - walls[:, 1], walls[:, 2] - walls[:, 0])
+    pairs = cKDTree(feet).query_pairs(config.pivot_m, output_type="ndarray")
+    turned = np.abs(wrap_angle(tangent[pairs[:, 0]] - tangent[pairs[:, 1]]))
+    pairs = pairs[(turned >= config.pivot_turn_rad) & (scan[pairs[:, 0]] != scan[pairs[:, 1]])]
+    out[pairs] = True
+    return out
+
+
 def bridges(walls: Array, gap_m: float) -> Array:
     """Segments across gaps between wall ends that the body cannot pass, shape (k, 4), [m]."""
     if len(walls) < 2:
         return np.zeros((0, 4))
-    from scipy.spatial import cKDTree
-
     ends = np.vstack([walls[:, :2], walls[:, 2:]])
     owner = np.tile(np.arange(len(walls)), 2)
     pairs = cKDTree(ends).query_pairs(gap_m, output_type="ndarray")
@@ -205,14 +233,6 @@ def _placed(poses: Sequence[Pose], segments: Sequence[Array]) -> Array:
     """Segments of each scan, shape (n, 4), placed in the map frame and stacked."""
     rows = [p.transform(s.reshape(-1, 2)).reshape(-1, 4) for p, s in zip(poses, segments, strict=True)]
     return np.vstack(rows) if rows else np.zeros((0, 4))
-
-
-def _add_segments(frame: GridFrame, evidence: Array, segments: Array, weight: float) -> None:
-    """Add a weight to each cell that a segment passes, once per segment."""
-    for x1, y1, x2, y2 in segments:
-        count = max(2, math.ceil(math.hypot(x2 - x1, y2 - y1) / (0.4 * frame.resolution_m)) + 1)
-        t = np.linspace(0.0, 1.0, count)[:, None]
-        _add_cells(frame, evidence, np.array([[x1, y1]]) + t * np.array([[x2 - x1, y2 - y1]]), weight)
 
 
 def _add_cells(frame: GridFrame, evidence: Array, points: Array, weight: float) -> None:

@@ -1,4 +1,4 @@
-"""The two loops behind the grid: how far each direction is clear, and which cells that clears."""
+"""The loops behind the grid: how far each direction is clear, which cells that clears, which a wall passes."""
 
 from __future__ import annotations
 
@@ -31,6 +31,29 @@ def cut_at_walls(
 def mark_sector(frame: GridFrame, counts: np.ndarray, pose: Pose, clear_m: Array, weight: float = 1) -> None:
     """Add a weight to each cell whose centre lies within the clear part of its direction."""
     _mark(counts, frame.x0, frame.y0, frame.resolution_m, pose.x, pose.y, pose.heading, clear_m, weight)
+
+
+def mark_segments(frame: GridFrame, evidence: Array, segments: Array, weight: float) -> None:
+    """Add a weight to each cell that a segment passes, once per segment; segments in the map frame, (k, 4), [m]."""
+    _mark_segments(evidence, frame.x0, frame.y0, frame.resolution_m, segments, weight)
+
+
+@kernel
+def _mark_segments(evidence, x0, y0, resolution, segments, weight):  # type: ignore[no-untyped-def]
+    rows, columns = evidence.shape
+    for i in range(len(segments)):
+        ax, ay = segments[i, 0], segments[i, 1]
+        ex, ey = segments[i, 2] - ax, segments[i, 3] - ay
+        count = max(1, int(math.ceil(math.hypot(ex, ey) / (0.4 * resolution))))
+        last_row, last_column = -1, -1
+        for k in range(count + 1):
+            row = int(math.floor((ay + ey * k / count - y0) / resolution))
+            column = int(math.floor((ax + ex * k / count - x0) / resolution))
+            if row == last_row and column == last_column:
+                continue
+            last_row, last_column = row, column
+            if 0 <= row < rows and 0 <= column < columns:
+                evidence[row, column] += weight
 
 
 @kernel

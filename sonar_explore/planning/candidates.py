@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array
 from sonar_explore.mapping.frontiers import passable
 from sonar_explore.mapping.grid import UNKNOWN, Cells, Mask
@@ -26,6 +27,8 @@ class CandidateConfig:
     """Distance between neighbouring places on the lattice, [m]."""
     view_m: float = 1.5
     """How far a scan is expected to clear, [m]."""
+    least_room_m: float = 0.38
+    """Room a place has, [m]: nearer walls are inside the scanning disc's dead zone (0.20 m before the disc)."""
     least_area_m2: float = 0.10
     """New area below which a place is not worth a scan, [m2]."""
     apart_m: float = 0.30
@@ -67,7 +70,8 @@ class CandidateFinder:
         grid: OccupancyGrid,
         paths: SafePaths,
         chains: Sequence[Chain],
-        taken: Array,
+        scanned: Array,
+        put_aside: Array,
         tried: dict[int, int],
     ) -> tuple[Candidate, ...]:
         """The most promising places, the largest new area per path first.
@@ -76,10 +80,11 @@ class CandidateFinder:
             grid: the map.
             paths: safe paths from where the robot is.
             chains: the chain map.
-            taken: scan positions so far and places put aside, shape (n, 2), map frame, [m].
+            scanned: scan positions so far, shape (n, 2), map frame, [m].
+            put_aside: places that could not be got to, shape (k, 2), map frame, [m].
             tried: how often the missing link of each dangling chain was looked for.
         """
-        cells = self._lattice(grid, paths, taken)
+        cells = self._lattice(grid, paths, np.vstack([scanned, put_aside]))
         if not len(cells):
             return ()
         way = passable(grid, self._body)
@@ -114,7 +119,7 @@ class CandidateFinder:
 
     def _lattice(self, grid: OccupancyGrid, paths: SafePaths, taken: Array) -> Cells:
         """In each square of the lattice, the reachable cell with the most room; none near a place taken."""
-        cells = np.argwhere(paths.within)
+        cells = np.argwhere(paths.within & (paths.room_m >= self._config.least_room_m))
         if not len(cells):
             return cells
         square = np.floor(grid.frame.centres(cells) / self._config.spacing_m).astype(np.int64)
@@ -170,6 +175,7 @@ def expected_chains(
     line of sight on the map.
     """
     out = np.zeros((len(places), len(chains)), dtype=bool)
+    frame, occupied = grid.frame, grid.occupied
     for k, chain in enumerate(chains):
         direction = chain.root.segment.direction
         along = np.array([math.cos(direction), math.sin(direction)])
@@ -180,20 +186,24 @@ def expected_chains(
         on_wall = (foot >= (ends @ along).min()) & (foot <= (ends @ along).max())
         maybe = on_wall & (np.abs(offset) >= near_m) & (np.abs(offset) <= far_m)
         for i in np.flatnonzero(maybe):
-            out[i, k] = _in_sight(places[i], places[i] + offset[i] * across, grid)
+            x, y = places[i]
+            foot_x, foot_y = places[i] + offset[i] * across
+            out[i, k] = _in_sight(occupied, frame.x0, frame.y0, frame.resolution_m, x, y, foot_x, foot_y)
     return out
 
 
-def _in_sight(start: Array, foot: Array, grid: OccupancyGrid) -> bool:
+@kernel
+def _in_sight(occupied, x0, y0, resolution, x, y, fx, fy):  # type: ignore[no-untyped-def]
     """Whether no occupied cell stands more than 15 cm before the foot."""
-    length = math.hypot(*(foot - start))
-    count = int((length - 0.15) / grid.frame.resolution_m)
-    if count < 1:
-        return True
-    points = start + (foot - start) * ((np.arange(count) + 0.5) * grid.frame.resolution_m / length)[:, None]
-    cells = grid.frame.cells(points)
-    cells = cells[grid.frame.contains(cells)]
-    return not grid.occupied[cells[:, 0], cells[:, 1]].any()
+    length = math.hypot(fx - x, fy - y)
+    rows, columns = occupied.shape
+    for k in range(int((length - 0.15) / resolution)):
+        share = (k + 0.5) * resolution / length
+        row = int(math.floor((y + (fy - y) * share - y0) / resolution))
+        column = int(math.floor((x + (fx - x) * share - x0) / resolution))
+        if 0 <= row < rows and 0 <= column < columns and occupied[row, column]:
+            return False
+    return True
 
 
 def _certainty(probabilities: Array, directions: Array) -> float:
