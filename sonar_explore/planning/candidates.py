@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array
 from sonar_explore.mapping.frontiers import passable
-from sonar_explore.mapping.grid import UNKNOWN, Cells, Mask
+from sonar_explore.mapping.grid import OCCUPIED, UNKNOWN, Cells, Mask
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.planning.paths import SafePaths
 from sonar_explore.slam.chains import Chain
@@ -28,7 +29,7 @@ class CandidateConfig:
     view_m: float = 1.5
     """How far a scan is expected to clear, [m]."""
     least_room_m: float = 0.38
-    """Room a place has, [m]: nearer walls are inside the scanning disc's dead zone (0.20 m before the disc)."""
+    """Distance of a place from known walls, [m]: nearer ones are inside the scanning disc's dead zone (0.20 m before the disc)."""
     least_area_m2: float = 0.10
     """New area below which a place is not worth a scan, [m2]."""
     apart_m: float = 0.30
@@ -119,7 +120,8 @@ class CandidateFinder:
 
     def _lattice(self, grid: OccupancyGrid, paths: SafePaths, taken: Array) -> Cells:
         """In each square of the lattice, the reachable cell with the most room; none near a place taken."""
-        cells = np.argwhere(paths.within & (paths.room_m >= self._config.least_room_m))
+        to_walls = ndimage.distance_transform_edt(grid.states != OCCUPIED) * grid.frame.resolution_m
+        cells = np.argwhere(paths.within & (to_walls >= self._config.least_room_m))
         if not len(cells):
             return cells
         square = np.floor(grid.frame.centres(cells) / self._config.spacing_m).astype(np.int64)
