@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -18,7 +18,7 @@ from sonar_explore.episodes.scoring import Scorer
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, wrap_angle
 
-Observation = dict[str, NDArray[Any]]
+Observation = dict[str, Any]
 Action = NDArray[np.float32]
 
 CONTACT_PENALTY = 1.0
@@ -76,7 +76,7 @@ class AmigoBotEnv(gym.Env[Observation, Action]):
     v0: first.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "ansi"], "render_fps": 6}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "ansi"], "render_fps": 6}  # noqa: RUF012 - as in the base class
 
     def __init__(
         self,
@@ -139,7 +139,7 @@ class AmigoBotEnv(gym.Env[Observation, Action]):
         """`explored`; empty while the episode runs."""
         return "explored" if self._explored_fraction >= EXPLORED_ENOUGH else ""
 
-    def render(self) -> NDArray[np.uint8] | str | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | str | None:
         """The truth from above, shape (rows, columns, 3), or as text."""
         true_pose = self.simulator.true_pose
         if self.render_mode == "rgb_array":

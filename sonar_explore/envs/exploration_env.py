@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -20,7 +20,7 @@ from sonar_explore.geometry import Pose, wrap_angle
 from sonar_explore.mapping.grid import GridFrame, window
 from sonar_explore.slam import ScanUpdate, make_slam
 
-Observation = dict[str, NDArray[Any]]
+Observation = dict[str, Any]
 
 CONTACT_PENALTY = 10.0
 TRAVEL_PENALTY_PER_M = 0.1
@@ -80,7 +80,7 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
     v0: first.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "ansi"], "render_fps": 2}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "ansi"], "render_fps": 2}  # noqa: RUF012 - as in the base class
 
     def __init__(
         self,
@@ -186,7 +186,7 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
             return "stuck" if self.explorer.gave_up else "explored"
         return "scan_limit" if self.scans >= self.config.max_scans else ""
 
-    def render(self) -> NDArray[np.uint8] | str | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | str | None:
         """The map as a picture, shape (rows, columns, 3), or as text."""
         if self.render_mode == "rgb_array":
             return render_rgb(self.situation)

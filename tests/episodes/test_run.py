@@ -1,0 +1,150 @@
+"""A whole episode: what it records, that it can be repeated, and that policies cannot break it."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from sonar_explore.agents import Decision, Score
+from sonar_explore.config import ExplorationConfig
+from sonar_explore.envs.exploration_env import ExplorationEnv
+from sonar_explore.episodes.files import load_record, save_record
+from sonar_explore.episodes.record import EpisodeRecord, StepRecord
+from sonar_explore.episodes.run import run_episode
+from sonar_explore.errors import SonarExploreError
+
+SHORT = ExplorationConfig(max_scans=8)
+
+
+@pytest.fixture(scope="module")
+def record() -> EpisodeRecord:
+    return run_episode("paper/corridor", seed=2, config=SHORT)
+
+
+def in_a_process(folder, world: str, seed: int) -> dict:
+    command = [sys.executable, "-m", "sonar_explore.cli", "run", world, "--seed", str(seed)]
+    subprocess.run([*command, "--max-scans", "8", "--out", folder, "--json"], check=True, capture_output=True)
+    return json.loads((folder / "episode.json").read_bytes())
+
+
+def test_the_same_seed_gives_the_same_bytes_in_two_processes(tmp_path):
+    first, second = (in_a_process(tmp_path / name, "paper/rooms", 5) for name in ("a", "b"))
+    for episode in (first, second):
+        assert episode["summary"].pop("wall_time_s") > 0.0
+    assert json.dumps(first) == json.dumps(second)
+
+
+def test_another_seed_gives_another_episode(record):
+    other = run_episode("paper/corridor", seed=3, config=SHORT)
+    assert other.steps[0].scan_ranges_m != record.steps[0].scan_ranges_m
+
+
+def test_a_policy_does_not_change_the_luck_of_the_robot(record):
+    other = run_episode("paper/corridor", "random", seed=2, config=SHORT)
+    assert other.steps[0].scan_ranges_m == record.steps[0].scan_ranges_m
+
+
+def test_steps_are_numbered_and_told_as_they_are_made(record):
+    told: list[StepRecord] = []
+    again = run_episode("paper/corridor", seed=2, config=SHORT, on_step=told.append)
+    assert told == again.steps == record.steps
+    assert [step.index for step in told] == list(range(len(told)))
+
+
+def test_the_summary_agrees_with_the_steps(record):
+    summary, steps = record.summary, record.steps
+    assert summary.scans == len(steps) == 8
+    assert summary.decisions == sum(step.decision is not None for step in steps) == 7
+    assert summary.end_reason == "scan_limit"
+    assert summary.explored_fraction == steps[-1].explored_fraction
+    assert summary.chains == len(record.chains)
+    final = np.hypot(*(np.array(steps[-1].pose[:2]) - steps[-1].true_pose[:2]))
+    assert summary.position_error_m.final == pytest.approx(final, abs=1e-5)
+
+
+def test_time_way_and_explored_area_never_shrink(record):
+    for name in ("sim_time_s", "path_length_m", "explored_fraction"):
+        values = [getattr(step, name) for step in record.steps]
+        assert values == sorted(values)
+
+
+def test_every_decision_is_recorded_with_the_score_of_every_candidate(record):
+    for step in record.steps[:-1]:
+        decision = step.decision
+        assert 0 <= decision.chosen < len(decision.candidates)
+        for candidate in decision.candidates:
+            assert sum(candidate.terms.values()) == pytest.approx(candidate.score, abs=1e-5)
+
+
+def test_the_record_survives_the_file(record, tmp_path):
+    save_record(record, tmp_path / "episode.json")
+    again = load_record(tmp_path / "episode.json")
+    assert msgspec.json.encode(again) == msgspec.json.encode(record)
+
+
+def test_the_record_says_with_what_it_was_made(record):
+    assert record.config["max_scans"] == 8
+    assert record.config["simulator"]["noise"]["wheel_ratio"] == 1.003
+
+
+def test_with_no_errors_and_no_slam_the_robot_knows_where_it_is():
+    ideal = run_episode("paper/corridor", slam="off", noise="ideal", config=SHORT)
+    assert ideal.summary.position_error_m.max < 1e-5
+    assert ideal.summary.heading_error_deg.max < 1e-4
+
+
+def test_a_known_pose_is_never_wrong():
+    known = run_episode("paper/corridor", slam="truth", noise="worn", config=SHORT)
+    assert known.summary.position_error_m.max < 1e-5
+
+
+def test_the_environment_decides_alike_whoever_drives_it(record):
+    """A loop through `step` with the recorded choices is the recorded episode."""
+    env = ExplorationEnv("paper/corridor", config=SHORT)
+    env.reset(seed=2)
+    for step in record.steps[:-1]:
+        *_, info = env.step(np.int64(step.decision.chosen))
+    assert info["truth"]["explored_fraction"] == pytest.approx(record.summary.explored_fraction, abs=1e-6)
+    assert info["end_reason"] == record.summary.end_reason
+
+
+class Constant:
+    """Chooses the same number, whatever is offered."""
+
+    def __init__(self, chosen: int, short: int = 0) -> None:
+        self.chosen, self.short = chosen, short
+
+    def choose(self, situation):
+        return Decision(self.chosen, (Score({}),) * (len(situation.candidates) - self.short))
+
+
+@pytest.mark.parametrize("policy", [Constant(999), Constant(-1), Constant(0, short=1)])
+def test_a_policy_that_chooses_what_is_not_there_is_an_error(policy):
+    with pytest.raises(SonarExploreError, match="candidate"):
+        run_episode("paper/corridor", policy)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"world": "paper/moon"}, "paper/corridor"),
+        ({"agent": "nobody"}, "frontier"),
+        ({"slam": "magic"}, "chain, off, truth"),
+        ({"noise": "loud"}, "ideal, paper, worn"),
+        ({"seed": -1}, "out of range"),
+        ({"seed": 2**32}, "out of range"),
+    ],
+)
+def test_a_wrong_argument_is_one_line_that_names_what_is_possible(arguments, words):
+    with pytest.raises(SonarExploreError, match=words) as error:
+        run_episode(**{"world": "paper/corridor", **arguments})
+    assert "\n" not in str(error.value)
+
+
+def test_configurations_are_values():
+    assert replace(SHORT, max_scans=400) == ExplorationConfig()
+    assert SHORT.with_noise("worn").simulator.noise.wheel_ratio == 1.01
