@@ -37,7 +37,7 @@ def chosen(env: gym.Env, observation: dict) -> object:
 def trajectory(env: gym.Env, seed: int | None, steps: int) -> list:
     observation, info = env.reset(seed=seed)
     env.action_space.seed(5)
-    out = [(observation, info)]
+    out: list[tuple] = [(observation, info)]
     for _ in range(steps):
         observation, reward, terminated, truncated, info = env.step(chosen(env, observation))
         out.append((observation, reward, terminated, truncated, info))
