@@ -14,7 +14,7 @@ from sonar_explore.mapping.occupancy import Look, OccupancyGrid, OccupancyMapper
 from sonar_explore.measurement import Scan
 from sonar_explore.planning.candidates import Candidate, CandidateFinder
 from sonar_explore.planning.driving import DriveEnd, DriveReport, drive, shut_at
-from sonar_explore.planning.paths import SafePaths, straightened
+from sonar_explore.planning.paths import SafePaths, path_length, sampled, straightened
 from sonar_explore.robot import Robot
 from sonar_explore.slam import Chain, ScanUpdate, Slam
 
@@ -130,7 +130,10 @@ class Explorer:
         )
 
     def go_to(self, candidate: Candidate) -> Trip:
-        """Drive there; where the way is shut, find another; put the place aside if there is none."""
+        """Drive there; where the way is shut, find another; put the place aside if there is none.
+
+        A long way is driven in legs, with a scan after each: nobody stays sure of his pose for long without one.
+        """
         for chain in candidate.missing_links:
             self._tried[chain] = self._tried.get(chain, 0) + 1
         trail: list[Pose] = []
@@ -141,14 +144,14 @@ class Explorer:
             if path is None:
                 break
             first = path if first is None else first
-            report = drive(
-                self._robot, self._body, path, self._traced(trail), self._config.driving
-            )
+            leg = self._first_leg(path)
+            report = drive(self._robot, self._body, leg, self._traced(trail), self._config.driving)
             end = report.end
             if end is DriveEnd.ARRIVED:
+                end = end if leg is path else DriveEnd.UNDERWAY
                 break
             self._remember_shut(report)
-        if end is not DriveEnd.ARRIVED:
+        if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED):
             self._put_aside.append((candidate.x, candidate.y))
         here = self.pose()
         return Trip(end, np.array([[here.x, here.y]]) if first is None else first, (*trail, here))
@@ -169,6 +172,22 @@ class Explorer:
             return None
         path = straightened(path, paths.room_m, self.grid.frame)
         return np.vstack([[pose.x, pose.y], path[1:], [candidate.x, candidate.y]])
+
+    def _first_leg(self, path: Array) -> Array:
+        """The path, or where it is long its first part, up to a place with room for a scan."""
+        longest = self._config.planning.leg_m
+        if path_length(path) <= 1.5 * longest:
+            return path
+        points = sampled(path, self.grid.frame.resolution_m)
+        driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+        cells = self.grid.frame.cells(points)
+        room = self._finder.roomy(self.grid)[cells[:, 0], cells[:, 1]]
+        fit = np.flatnonzero(room & (driven >= 0.5 * longest) & (driven <= 1.5 * longest))
+        if not len(fit):
+            return path
+        stop = fit[np.argmin(np.abs(driven[fit] - longest))]
+        corners = path[: np.searchsorted(np.cumsum(np.hypot(*np.diff(path, axis=0).T)), driven[stop]) + 1]
+        return np.vstack([corners, points[stop : stop + 1]])
 
     def _traced(self, trail: list[Pose]) -> Callable[[], Pose]:
         """`pose`, noting the way every 5 cm."""

@@ -15,13 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sonar_explore.beam import EDGE_STRENGTH, S_RAD, THRESHOLD
 from sonar_explore.compiled import kernel
 from sonar_explore.envs.scene import RIGHT_CORNER, Scene
 from sonar_explore.geometry import Array
 
-BEAM_S_RAD = math.radians(6.4)  # Gaussian approximation of the 49.4 kHz piston pattern
-EDGE_STRENGTH = 0.1  # k_e, of a plane's
-THRESHOLD = math.exp(-((12.5 / 6.4) ** 2))  # a plane 1 m away is just heard at 12.5 degrees
 _COS_WIDEST = math.cos(math.radians(20.0))  # nothing nearer than 2 cm is asked for: no echo is heard beyond this
 
 NOTHING, PLANE, CORNER, EDGE, CYLINDER, ROUGH = 0, 1, 2, 3, 4, 5
@@ -51,18 +49,6 @@ class SonarPhysics:
     """Probability that an echo goes unheard."""
     temperature_error_k: float = 3.0
     """Standard deviation of the air's temperature from the one assumed: a common scale error, [K]."""
-
-
-def visibility_half_angle(kind: int, range_m: float) -> float:
-    """Widest angle off the axis at which a source is heard, [rad]; 0 where it is never heard.
-
-    Planes and corners: A = exp(-theta^2/s^2) / r; edges: A = 0.1 exp(-theta^2/s^2) / r^1.5.
-
-    >>> round(math.degrees(visibility_half_angle(PLANE, 2.0)), 1)
-    11.3
-    """
-    on_axis = EDGE_STRENGTH * range_m**-1.5 if kind == EDGE else 1.0 / range_m
-    return BEAM_S_RAD * math.sqrt(max(0.0, math.log(on_axis / THRESHOLD)))
 
 
 def echoes(scene: Scene, discs: Array, physics: SonarPhysics) -> tuple[Array, NDArray[np.int64]]:
@@ -207,7 +193,7 @@ def _reachable(px, py, q1x, q1y, q2x, q2y, sx, sy, mirror_1, mirror_2, own_wall,
 def _heard(on_axis, along, across):  # type: ignore[no-untyped-def]
     """Whether a source with this amplitude on the axis is above the threshold where it lies."""
     theta = math.atan2(across, along)
-    return on_axis * math.exp(-(theta * theta) / (BEAM_S_RAD * BEAM_S_RAD)) >= THRESHOLD
+    return on_axis * math.exp(-(theta * theta) / (S_RAD * S_RAD)) >= THRESHOLD
 
 
 @kernel

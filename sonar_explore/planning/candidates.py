@@ -118,10 +118,14 @@ class CandidateFinder:
             )
         return tuple(found)
 
+    def roomy(self, grid: OccupancyGrid) -> Mask:
+        """Cells far enough from known walls for a scan, shape (rows, columns)."""
+        to_walls = ndimage.distance_transform_edt(grid.states != OCCUPIED) * grid.frame.resolution_m
+        return np.asarray(to_walls >= self._config.least_room_m)
+
     def _lattice(self, grid: OccupancyGrid, paths: SafePaths, taken: Array) -> Cells:
         """In each square of the lattice, the reachable cell with the most room; none near a place taken."""
-        to_walls = ndimage.distance_transform_edt(grid.states != OCCUPIED) * grid.frame.resolution_m
-        cells = np.argwhere(paths.within & (to_walls >= self._config.least_room_m))
+        cells = np.argwhere(paths.within & self.roomy(grid))
         if not len(cells):
             return cells
         square = np.floor(grid.frame.centres(cells) / self._config.spacing_m).astype(np.int64)

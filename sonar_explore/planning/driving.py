@@ -36,6 +36,8 @@ class DriveEnd(StrEnum):
     """How a drive ended."""
 
     ARRIVED = "arrived"
+    UNDERWAY = "underway"
+    """Stopped on a long way for a scan."""
     BLOCKED = "blocked"
     BUMPED = "bumped"
 

@@ -28,6 +28,8 @@ class PlanningConfig:
     """How many times dearer a cell at the least room is than one in the open."""
     speck_m2: float = 0.05
     """Unknown specks up to this size inside free space do not shut it, [m2]."""
+    leg_m: float = 1.5
+    """A longer way is driven in legs of about this length, with a scan after each, [m]."""
     escape_m: float = 0.30
     """From a start without room a path may first leave it within this distance, [m]."""
 
@@ -98,7 +100,7 @@ def straightened(path: Array, room_m: Array, frame: GridFrame, tolerance_m: floa
         return path
     simple = approximate_polygon(path, tolerance_m)
     least = _least_room(path, room_m, frame)
-    return simple if _least_room(_sampled(simple, frame.resolution_m), room_m, frame) >= least - 0.03 else path
+    return simple if _least_room(sampled(simple, frame.resolution_m), room_m, frame) >= least - 0.03 else path
 
 
 def path_length(path: Array) -> float:
@@ -111,7 +113,8 @@ def _least_room(points: Array, room_m: Array, frame: GridFrame) -> float:
     return float(room_m[cells[:, 0], cells[:, 1]].min())
 
 
-def _sampled(path: Array, step_m: float) -> Array:
+def sampled(path: Array, step_m: float) -> Array:
+    """Points along a polyline at most a step apart, its corners among them, shape (k, 2), [m]."""
     pieces = [path[:1]]
     for a, b in zip(path[:-1], path[1:], strict=True):
         count = max(1, math.ceil(math.hypot(*(b - a)) / step_m))

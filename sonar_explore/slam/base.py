@@ -15,7 +15,9 @@ from sonar_explore.slam.dual import Merge
 from sonar_explore.slam.features import Feature, FeatureConfig
 from sonar_explore.slam.link_graph import LinkGraphConfig, LinkGraphs
 from sonar_explore.slam.localization import Correction, LocalizationConfig
+from sonar_explore.slam.odometry_filter import FilterConfig
 from sonar_explore.slam.probability import ProbabilityConfig
+from sonar_explore.slam.reference import ReferenceConfig
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,8 @@ class SlamConfig:
     link_graph: LinkGraphConfig = field(default_factory=LinkGraphConfig)
     probability: ProbabilityConfig = field(default_factory=ProbabilityConfig)
     localization: LocalizationConfig = field(default_factory=LocalizationConfig)
+    reference: ReferenceConfig = field(default_factory=ReferenceConfig)
+    odometry: FilterConfig = field(default_factory=FilterConfig)
 
     @classmethod
     def robust(cls) -> SlamConfig:
@@ -55,7 +59,7 @@ def _check_positive(config: object, path: str) -> None:
         value, name = getattr(config, item.name), f"{path}.{item.name}"
         if is_dataclass(value):
             _check_positive(value, name)
-        elif not value > 0:
+        elif not isinstance(value, bool) and not value > 0:
             raise SonarExploreError(f"{name} must be greater than zero, not {value!r}")
 
 

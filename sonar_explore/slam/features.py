@@ -9,6 +9,7 @@ from enum import StrEnum
 
 from sonar_explore.geometry import Segment, wrap_angle
 from sonar_explore.measurement import Scan
+from sonar_explore.slam.ends import Ends, neighbours
 from sonar_explore.slam.rcd import Rcd, compensated_ranges, regions_of_constant_depth
 
 __all__ = ["Feature", "FeatureConfig", "FeatureKind", "compensated_ranges", "extract_features"]
@@ -69,6 +70,15 @@ class FeatureConfig:
     """How far from sqrt(d1^2 + d2^2) a corner may be heard, [m]."""
     corner_bearing_rad: float = math.radians(8.0)
     """How far from psi1 + atan2(d2, d1) a corner may be heard, [rad]."""
+    beam_check: bool = False
+    """Beyond the paper: a wall is heard as widely as the beam pattern says a plane is at its distance, less what
+    something nearer hides; the rest are edges and columns, or two things that touch."""
+    beam_bearing: bool = False
+    """Beyond the paper: where something nearer hides one end of an RCD, the normal is found from the other end."""
+    corner_on_wall: bool = False
+    """Beyond the paper: what is heard on the straight continuation of a nearer wall is a corner."""
+    corner_on_wall_m: float = 0.06
+    """How far off that continuation, [m]."""
 
 
 def extract_features(scan: Scan, config: FeatureConfig) -> tuple[Feature, ...]:
@@ -83,10 +93,18 @@ def extract_features(scan: Scan, config: FeatureConfig) -> tuple[Feature, ...]:
     regions = tuple(r for r in regions if config.range_min_m <= r.echo_m <= config.range_max_m)
     wide = [r for r in regions if r.width_rad >= config.width_min_rad - ANGLE_SLACK_RAD]
     plateaus = [r for r in wide if _is_plateau(r, wide, scan, config)]
+    heard = {r: Ends.of(r, scan, config.jump_m) for r in plateaus}
+    if config.beam_check:
+        plateaus = [r for r in plateaus if heard[r].like_a_plane(r)]
+    if config.beam_bearing:
+        plateaus = [heard[r].centred(r) for r in plateaus]
     corners = {r for r in plateaus if _is_corner(r, plateaus, config)}
     features = [_wall(r, config) for r in plateaus if r not in corners]
     features += [_point(r, FeatureKind.CORNER) for r in corners]
-    features += [_point(r, FeatureKind.EDGE) for r in regions if r not in wide and _is_edge(r, scan, config)]
+    taken = {r.readings for r in plateaus}
+    features += [
+        _point(r, FeatureKind.EDGE) for r in regions if r.readings not in taken and _is_edge(r, scan, config)
+    ]
     return tuple(sorted(features, key=lambda feature: feature.bearing_rad))
 
 
@@ -98,7 +116,7 @@ def _is_plateau(region: Rcd, wide: Iterable[Rcd], scan: Scan, config: FeatureCon
     """
     if region.width_rad > config.run_max_beams * config.beam_rad + ANGLE_SLACK_RAD:
         return False
-    beside = set(_neighbours(region.readings, len(scan.ranges_m)))
+    beside = set(neighbours(region.readings, len(scan.ranges_m)))
     touching = [other for other in wide if other is not region and beside.intersection(other.readings)]
     return not any(0.0 < region.depth_m - other.depth_m < config.jump_m for other in touching)
 
@@ -109,6 +127,8 @@ def _is_corner(region: Rcd, wide: Iterable[Rcd], config: FeatureConfig) -> bool:
     A corner is farther than both its walls, so no wall can be taken for the corner of two corners.
     """
     near = [other for other in wide if other.depth_m < region.depth_m]
+    if config.corner_on_wall and any(_on_continuation(region, wall, config) for wall in near):
+        return True
     return any(_meet_at(first, second, region, config) for first in near for second in near)
 
 
@@ -123,18 +143,20 @@ def _meet_at(first: Rcd, second: Rcd, corner: Rcd, config: FeatureConfig) -> boo
     )
 
 
+def _on_continuation(region: Rcd, wall: Rcd, config: FeatureConfig) -> bool:
+    """Whether the foot of a region lies on the line of a nearer wall, well aside of that wall's own foot."""
+    apart = region.bearing_rad - wall.bearing_rad
+    aside = region.depth_m * abs(math.sin(apart))
+    off = abs(region.depth_m * math.cos(apart) - wall.depth_m)
+    return math.cos(apart) > 0.0 and aside > 0.15 and off <= config.corner_on_wall_m
+
+
 def _is_edge(region: Rcd, scan: Scan, config: FeatureConfig) -> bool:
     """Whether a narrow RCD stands in front of what its neighbours hear."""
     if region.width_rad < config.edge_width_min_rad - ANGLE_SLACK_RAD:
         return False
-    behind = max(scan.ranges_m[i] for i in _neighbours(region.readings, len(scan.ranges_m)))
+    behind = max(scan.ranges_m[i] for i in neighbours(region.readings, len(scan.ranges_m)))
     return bool(behind - region.echo_m >= config.jump_m)
-
-
-def _neighbours(readings: Sequence[int], n: int) -> tuple[int, int]:
-    """The readings just before and just after a run, which may run either way round."""
-    step = 1 if (readings[1] - readings[0]) % n == 1 else -1
-    return (readings[0] - step) % n, (readings[-1] + step) % n
 
 
 def _wall(region: Rcd, config: FeatureConfig) -> Feature:

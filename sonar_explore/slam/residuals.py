@@ -16,6 +16,7 @@ from sonar_explore.geometry import Array, Pose, Segment, wrap_undirected
 from sonar_explore.slam.association import Association
 from sonar_explore.slam.chains import ChainMap
 from sonar_explore.slam.features import Feature
+from sonar_explore.slam.reference import ReferenceConfig, reference_line
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +49,11 @@ def residuals_to_roots(
     features: Sequence[Feature],
     associations: Sequence[Association],
     chains: ChainMap,
+    reference: ReferenceConfig | None = None,
 ) -> Residuals:
-    """ADR and NDR of every association."""
+    """ADR and NDR of every association, to the root or to what `reference` says instead."""
     seen = [features[a.feature] for a in associations]
-    roots = [chains[a.chain].root.segment for a in associations]
+    roots = [reference_line(chains[a.chain], reference or ReferenceConfig()) for a in associations]
     links = [chains[a.chain].links[a.link].segment for a in associations]
     to_root = [_offset(pose_robot_in_map, f, line) for f, line in zip(seen, roots, strict=True)]
     to_link = [_offset(pose_robot_in_map, f, line) for f, line in zip(seen, links, strict=True)]

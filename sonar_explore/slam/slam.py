@@ -19,6 +19,7 @@ from sonar_explore.slam.dual import Merge, merge_dual_associations, surviving
 from sonar_explore.slam.features import Feature, FeatureKind, extract_features
 from sonar_explore.slam.link_graph import LinkGraphs, fit_link_graphs
 from sonar_explore.slam.localization import Correction, Weights, association_weights, localize
+from sonar_explore.slam.odometry_filter import OdometryFilter
 from sonar_explore.slam.probability import RootCertainty, association_probabilities
 from sonar_explore.slam.residuals import Residuals, residuals_to_roots
 
@@ -34,6 +35,7 @@ class ChainSlam:
         self._entries: list[ScanEntry] = []
         self._certainty: RootCertainty | None = None
         self._odometry: Pose | None = None
+        self._filter = OdometryFilter(config.odometry)
         self._placed: Pose | None = None
 
     @property
@@ -48,7 +50,7 @@ class ChainSlam:
         only the heading's count of turns differs.
         """
         if self._odometry is not None:
-            self.pose = self.pose @ (self._odometry.inverse() @ pose_robot_in_odometry)
+            self.pose = self._filter.moved(self.pose, self._odometry, pose_robot_in_odometry)
         self._odometry = pose_robot_in_odometry
         return self.pose
 
@@ -63,16 +65,19 @@ class ChainSlam:
     def update(self, scan: Scan) -> ScanUpdate:
         """One scan, through section III in its order."""
         config, index = self.config, len(self._entries)
-        features = extract_features(scan, config.features)
+        features = extract_features(self._filter.unsmeared(scan), config.features)
         predicted = self._predicted_at(scan)
         associations = associate(predicted, features, self.chains, config.association)
-        residuals = residuals_to_roots(predicted, features, associations, self.chains)
+        residuals = residuals_to_roots(predicted, features, associations, self.chains, config.reference)
+        believable = self._filter.believable(residuals)
+        associations = tuple(a for a, ok in zip(associations, believable, strict=True) if ok)
+        residuals = residuals.only(believable)
         graphs = fit_link_graphs(associations, residuals, config.link_graph)
         kept = residuals.only(graphs.final)
         probability = np.zeros(len(associations))
         probability[graphs.final] = association_probabilities(graphs.kept, kept.adr_rad, config.probability)
         weights = association_weights(residuals, probability)
-        correction = self._correct(graphs, kept, weights.only(graphs.final))
+        correction = self._correct(predicted, graphs, kept, weights.only(graphs.final))
         self.pose = correction.applied_to(predicted)
         merges = merge_dual_associations(self.chains, graphs.kept)
         links = self._links(index, features)
@@ -99,11 +104,18 @@ class ChainSlam:
             self.pose, self._placed = self._placed, None
         return self.pose
 
-    def _correct(self, graphs: LinkGraphs, kept: Residuals, weights: Weights) -> Correction:
+    def _correct(
+        self, predicted: Pose, graphs: LinkGraphs, kept: Residuals, weights: Weights
+    ) -> Correction:
         """III.F: nothing to correct by, or no consensus: no correction."""
         several, survivors = len(graphs.associations) > 1, len(graphs.kept)
         if several and survivors < self.config.localization.min_consensus:
             return Correction()
+        if self.config.odometry.enabled:
+            corrected = self._filter.corrected(predicted, kept)
+            return Correction(
+                corrected.x - predicted.x, corrected.y - predicted.y, corrected.heading - predicted.heading
+            )
         return localize(kept, weights, self.config.localization)
 
     def _links(self, index: int, features: Sequence[Feature]) -> dict[int, Link]:
@@ -144,7 +156,9 @@ class ChainSlam:
 class DeadReckoning(ChainSlam):
     """`off`: the same chains on the same associations, and no correction."""
 
-    def _correct(self, graphs: LinkGraphs, kept: Residuals, weights: Weights) -> Correction:
+    def _correct(
+        self, predicted: Pose, graphs: LinkGraphs, kept: Residuals, weights: Weights
+    ) -> Correction:
         return Correction()
 
 

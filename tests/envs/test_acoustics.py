@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from sonar_explore.beam import edge_half_angle_rad
 from sonar_explore.envs import acoustics
-from sonar_explore.envs.acoustics import SonarPhysics, echoes, visibility_half_angle
+from sonar_explore.envs.acoustics import SonarPhysics, echoes
 from sonar_explore.envs.scene import Scene
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Pose
@@ -45,7 +46,7 @@ def test_a_plane_is_heard_within_the_half_angle_of_its_distance(distance_m, half
 def test_an_edge_is_heard_within_the_half_angle_of_its_distance(distance_m, half_angle_deg):
     scene = scene_of([(distance_m, 0.0, distance_m + 2.0, 0.0)])
     assert widest_heard_deg(scene, 0.0, 0.0, 0.0, acoustics.EDGE) == pytest.approx(half_angle_deg, abs=0.06)
-    assert math.degrees(visibility_half_angle(acoustics.EDGE, distance_m)) == pytest.approx(half_angle_deg, abs=0.06)
+    assert math.degrees(edge_half_angle_rad(distance_m)) == pytest.approx(half_angle_deg, abs=0.06)
 
 
 def test_a_wall_answers_with_its_perpendicular_distance_whatever_the_heading():

@@ -1,0 +1,134 @@
+"""How far the odometry can be trusted (beyond the paper): an extended Kalman filter beside the link graph.
+
+The paper corrects by what the associations say and asks the odometry nothing. Here the odometry has a say: it bounds
+which associations are believable at all, and shares the correction with the associations that the link graph
+kept, each by its variance. The state is the error of the pose and of two constants of the wheels: a wrong wheel base scales
+every turn, unequal wheels bend every drive. A robot is wrong in its own way, the same way all day (READING
+section 3), so both are learned on the way, and the smear of the scan with them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonar_explore.geometry import Array, Pose
+from sonar_explore.measurement import Scan
+from sonar_explore.slam.residuals import Residuals
+
+X, Y, HEADING, TURN, BEND = range(5)
+
+
+@dataclass(frozen=True)
+class FilterConfig:
+    """Standard deviations, of the size of the `paper` preset and of what features were measured to have."""
+
+    enabled: bool = False
+    """The paper asks the odometry nothing."""
+    turn_error: float = 0.007
+    """Relative error of turns before anything is learned."""
+    bend_rad_m: float = math.radians(1.0)
+    """Bend of a straight drive before anything is learned, [rad/m]."""
+    turn_rad: float = math.radians(1.5)
+    """Random heading error of a full turn, [rad]."""
+    drift_rad: float = math.radians(0.7)
+    """Random heading error of a metre, [rad]."""
+    distance_m: float = 0.03
+    """Random distance error of a metre, [m]."""
+    bearing_rad: float = math.radians(2.5)
+    """Angle between a feature and the line it belongs to, [rad]."""
+    normal_m: float = 0.02
+    """Distance between a feature and the line it belongs to, [m]."""
+    gate_sigmas: float = 3.0
+    """Associations farther off than this are not believable."""
+    least_heading_rad: float = math.radians(0.5)
+    """The map is never surer than this, [rad]."""
+    least_position_m: float = 0.01
+    """Nor than this, [m]."""
+
+
+class OdometryFilter:
+    """Covariance of the pose, and the two constants of the wheels."""
+
+    def __init__(self, config: FilterConfig) -> None:
+        self.config = config
+        self.turn_error = 0.0
+        """True over measured turn, less one."""
+        self.bend_rad_m = 0.0
+        """Bend of a straight drive, [rad/m]."""
+        self.covariance: Array = np.diag([0.0, 0.0, 0.0, config.turn_error**2, config.bend_rad_m**2])
+        """Of x, y [m], heading [rad], turn error and bend [rad/m], shape (5, 5)."""
+
+    def moved(self, pose: Pose, before: Pose, after: Pose) -> Pose:
+        """Carry a pose along with a short bit of odometry, and the uncertainty with it."""
+        step = before.inverse() @ after
+        turn = after.heading - before.heading
+        if not self.config.enabled:
+            return pose @ step
+        step = replace(step, heading=turn * (1.0 + self.turn_error) + step.x * self.bend_rad_m)
+        self._spread(pose.heading, step.x, turn)
+        return pose @ step
+
+    def unsmeared(self, scan: Scan) -> Scan:
+        """The scan with the headings that the robot truly had, as far as is known."""
+        if not self.config.enabled:
+            return scan
+        return replace(scan, headings_rad=scan.headings_rad * (1.0 + self.turn_error))
+
+    def believable(self, residuals: Residuals) -> NDArray[np.bool_]:
+        """Which associations the odometry allows, shape (n,)."""
+        n = len(residuals.adr_rad)
+        if not self.config.enabled:
+            return np.ones(n, dtype=bool)
+        cfg, p = self.config, self.covariance
+        angle = np.sqrt(p[HEADING, HEADING] + cfg.bearing_rad**2)
+        across = np.einsum("ni,ij,nj->n", residuals.normals, p[:2, :2], residuals.normals)
+        distance = np.sqrt(across + cfg.normal_m**2)
+        return np.asarray(
+            (np.abs(residuals.adr_rad) <= cfg.gate_sigmas * angle)
+            & (np.abs(residuals.ndr_m) <= cfg.gate_sigmas * distance)
+        )
+
+    def corrected(self, pose: Pose, residuals: Residuals) -> Pose:
+        """The pose after the kept associations: heading by ADR, position by NDR."""
+        n = len(residuals.adr_rad)
+        if n == 0:
+            return pose
+        cfg = self.config
+        jacobian = np.zeros((2 * n, 5))
+        jacobian[:n, HEADING] = 1.0
+        jacobian[n:, :2] = residuals.normals
+        innovation = np.concatenate([residuals.adr_rad, -residuals.ndr_m])
+        noise = np.concatenate([np.full(n, cfg.bearing_rad**2), np.full(n, cfg.normal_m**2)])
+        p = self.covariance
+        gain = np.linalg.solve(jacobian @ p @ jacobian.T + np.diag(noise), jacobian @ p).T
+        change = gain @ innovation
+        kept = np.eye(5) - gain @ jacobian
+        self.covariance = kept @ p @ kept.T + gain @ np.diag(noise) @ gain.T
+        floor = np.array([cfg.least_position_m, cfg.least_position_m, cfg.least_heading_rad]) ** 2
+        for i, least in enumerate(floor):
+            self.covariance[i, i] = max(self.covariance[i, i], least)
+        self.turn_error += float(change[TURN])
+        self.bend_rad_m += float(change[BEND])
+        return Pose(
+            pose.x + float(change[X]), pose.y + float(change[Y]), pose.heading + float(change[HEADING])
+        )
+
+    def _spread(self, heading: float, forward_m: float, turn_rad: float) -> None:
+        cfg = self.config
+        c, s = math.cos(heading), math.sin(heading)
+        motion = np.eye(5)
+        motion[X, HEADING], motion[Y, HEADING] = -s * forward_m, c * forward_m
+        motion[HEADING, TURN], motion[HEADING, BEND] = turn_rad, forward_m
+        distance = abs(forward_m)
+        noise = cfg.distance_m**2 * distance
+        p = motion @ self.covariance @ motion.T
+        p[X, X] += c * c * noise
+        p[Y, Y] += s * s * noise
+        p[X, Y] += c * s * noise
+        p[Y, X] += c * s * noise
+        p[HEADING, HEADING] += cfg.turn_rad**2 * abs(turn_rad) / math.tau + cfg.drift_rad**2 * distance
+        self.covariance = p

@@ -1,0 +1,61 @@
+"""The line of a chain that corrections refer to: its root (the paper), or one estimated from all its links (beyond it).
+
+A root keeps the bearing error of the one scan that saw it. Ranges are good to millimetres, bearings to a degree or
+two: the feet of the normals seen from several positions fix a wall's direction better than any one RCD does.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonar_explore.geometry import Segment, wrap_undirected
+from sonar_explore.slam.chains import Chain
+
+ROUNDS = 3
+"""Of reweighting: feet far off the line count less each time."""
+
+
+@dataclass(frozen=True)
+class ReferenceConfig:
+    """Root or refined line, and how far a link's foot and direction may be off."""
+
+    refined: bool = False
+    """The paper corrects to the root."""
+    foot_sigma_m: float = 0.02
+    """Standard deviation of a foot across the wall, by range and position, [m]."""
+    direction_sigma_rad: float = math.radians(2.0)
+    """Standard deviation of a link's direction, [rad]."""
+
+
+def reference_line(chain: Chain, config: ReferenceConfig) -> Segment:
+    """The segment to whose line ADR and NDR are taken."""
+    root = chain.root.segment
+    if not config.refined or len(chain.links) < 2:
+        return root
+    x, y = root.midpoint
+    c, s = math.cos(root.direction), math.sin(root.direction)
+    feet = np.array([link.segment.midpoint for link in chain.links]) - (x, y)
+    along, across = feet @ (c, s), feet @ (-s, c)
+    turns = wrap_undirected(np.array([link.segment.direction for link in chain.links]) - root.direction)
+    offset, slope = _fit(along, across, turns, config)
+    half, angle = 0.5 * root.length, root.direction + math.atan(slope)
+    mx, my = x - s * offset, y + c * offset
+    dx, dy = half * math.cos(angle), half * math.sin(angle)
+    return Segment(mx - dx, my - dy, mx + dx, my + dy)
+
+
+def _fit(along: np.ndarray, across: np.ndarray, turns: np.ndarray, config: ReferenceConfig) -> tuple[float, float]:
+    """Offset [m] and slope of the line across = offset + slope along, with the directions as slopes too."""
+    foot, direction = 1.0 / config.foot_sigma_m, 1.0 / config.direction_sigma_rad
+    rows = np.vstack([foot * np.column_stack([np.ones_like(along), along]), np.column_stack([np.zeros_like(turns), np.full_like(turns, direction)])])
+    values = np.concatenate([foot * across, direction * np.tan(turns)])
+    weights = np.ones(len(values))
+    solution = np.zeros(2)
+    for _ in range(ROUNDS):
+        solution = np.linalg.lstsq(rows * weights[:, None], values * weights, rcond=None)[0]
+        off = np.abs(values - rows @ solution)
+        weights = np.sqrt(1.0 / np.maximum(1.0, off / 1.5))  # Huber
+    return float(solution[0]), float(solution[1])
