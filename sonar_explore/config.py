@@ -18,7 +18,7 @@ class ExplorationConfig:
     """The robot's world on one side, its mind on the other; written into every record."""
 
     simulator: SimulatorConfig = field(default_factory=SimulatorConfig)
-    slam: SlamConfig = field(default_factory=SlamConfig)
+    slam: SlamConfig = field(default_factory=SlamConfig.robust)
     mapping: MappingConfig = field(default_factory=MappingConfig)
     planning: PlanningConfig = field(default_factory=PlanningConfig)
     candidates: CandidateConfig = field(default_factory=CandidateConfig)

@@ -25,11 +25,21 @@ __all__ = [
     "make_slam",
 ]
 
-SLAMS: dict[str, type[ChainSlam]] = {"chain": ChainSlam, "off": DeadReckoning, "truth": KnownPose}
+SLAMS: dict[str, type[ChainSlam]] = {
+    "chain": ChainSlam,
+    "literal": ChainSlam,
+    "off": DeadReckoning,
+    "truth": KnownPose,
+}
 
 
 def make_slam(name: str, start: Pose, config: SlamConfig | None = None) -> Slam:
-    """`chain` corrects the pose, `off` trusts the odometry, `truth` is told every pose from outside."""
+    """`chain` corrects the pose, `off` trusts the odometry, `truth` is told every pose from outside.
+
+    `literal` is `chain` to the paper's letter: it takes no configuration.
+    """
     if name not in SLAMS:
         raise unknown_name("slam", name, SLAMS)
-    return SLAMS[name](start, config or SlamConfig())
+    if name == "literal":
+        config = SlamConfig()
+    return SLAMS[name](start, config or SlamConfig.robust())
