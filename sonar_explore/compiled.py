@@ -7,20 +7,20 @@ only makes them faster. Kernels take arrays and scalars alone and live in few, s
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-try:
-    import numba
-except ImportError:
-    numba = None
+njit: Any = None
+with contextlib.suppress(ImportError):
+    from numba import njit
 
 
 def kernel(function: F) -> F:
     """Mark a kernel: compiled at its first call and cached on disk; no fast-math, so no change of results."""
-    if numba is None:
+    if njit is None:
         return function
-    compiled: F = numba.njit(cache=True)(function)
+    compiled: F = njit(cache=True)(function)
     return compiled

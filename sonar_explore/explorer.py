@@ -208,5 +208,3 @@ class Explorer:
         if report.end is DriveEnd.BUMPED:  # back off, the way the body came
             for _ in range(8):
                 self._robot.tick(-0.1, 0.0)
-
-

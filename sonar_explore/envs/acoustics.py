@@ -64,7 +64,8 @@ def echoes(scene: Scene, discs: Array, physics: SonarPhysics) -> tuple[Array, ND
     """
     ranges = np.empty(len(discs))
     kinds = np.empty(len(discs), dtype=np.int64)
-    _fire_all(discs, *scene.arrays, physics.ghost_order - 1, physics.bounce_loss, physics.range_max_m, ranges, kinds)
+    mirrors = (physics.ghost_order - 1, physics.bounce_loss, physics.range_max_m)
+    _fire_all(*(discs, *scene.arrays, *mirrors, ranges, kinds))
     return ranges, kinds
 
 

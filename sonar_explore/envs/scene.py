@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -39,7 +40,7 @@ class Scene:
     """Of the index: x0 y0 [m], cell size [m], rows, columns."""
 
     @property
-    def arrays(self) -> tuple[NDArray[np.generic], ...]:
+    def arrays(self) -> tuple[Any, ...]:
         """All of it, in the order that the kernels take."""
         return (self.walls, self.wedges, self.cylinders, *self.index, self.frame)
 

@@ -6,7 +6,8 @@ import base64
 import math
 import time
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ from sonar_explore.errors import SonarExploreError
 from sonar_explore.explorer import Situation, Trip
 from sonar_explore.geometry import Pose
 from sonar_explore.mapping.occupancy import OccupancyGrid
+from sonar_explore.slam import ScanUpdate
 
 MAX_SEED = 2**32 - 1
 
@@ -80,7 +82,11 @@ def run_episode(
         env.step(np.int64(decision.chosen))
         on_step(log.step(situation, decision))
     on_step(log.step(env.situation, None))
-    names = {"agent": agent if isinstance(agent, str) else type(policy).__name__, "slam": slam, "noise": noise}
+    names = {
+        "agent": agent if isinstance(agent, str) else type(policy).__name__,
+        "slam": slam,
+        "noise": noise,
+    }
     summary = log.summary(seed=seed, wall_time_s=round(time.perf_counter() - began, 3), **names)
     return EpisodeRecord(
         version=__version__,
@@ -102,6 +108,19 @@ def _checked(decision: Decision, situation: Situation) -> Decision:
     return decision
 
 
+@dataclass(frozen=True)
+class _Now:
+    """What holds at a scan, before the next drive moves on."""
+
+    sim_time_s: float
+    path_length_m: float
+    true_pose: Pose
+    true_trail: Sequence[Pose]
+    trail: Sequence[Pose]
+    update: ScanUpdate
+    explored: float
+
+
 class _Log:
     """Turns what the environment shows into steps; scoring happens here, with the truth."""
 
@@ -115,16 +134,15 @@ class _Log:
     def _note(self) -> None:
         """What holds at the scan just taken, before the next drive moves on."""
         env = self._env
-        self._now = {
-            "sim_time_s": env.simulator.time_s,
-            "path_length_m": env.simulator.driven_m,
-            "true": env.true_scan_pose,
-            "update": env.update,
-            "trip": env.trip,
-            "true_trail": env.true_trail,
-            "explored": env.explored_fraction,
-            "chains": env.situation.chains,
-        }
+        self._now = _Now(
+            sim_time_s=env.simulator.time_s,
+            path_length_m=env.simulator.driven_m,
+            true_pose=env.true_scan_pose,
+            true_trail=env.true_trail,
+            trail=env.trip.trail if env.trip else (),
+            update=env.update,
+            explored=env.explored_fraction,
+        )
         believed, true = env.update.pose, env.true_scan_pose
         turn = math.remainder(believed.heading - true.heading, math.tau)
         self._errors.append((believed.distance_to(true), abs(math.degrees(turn))))
@@ -132,7 +150,7 @@ class _Log:
     def step(self, situation: Situation, decision: Decision | None) -> StepRecord:
         """The step that ended with this decision (and the drive that it led to, which the environment has made)."""
         now = self._now
-        update, true = now["update"], now["true"]
+        update = now.update
         scan = self._env.slam.scans[update.index].scan
         outcome = None
         if decision is not None:
@@ -141,13 +159,13 @@ class _Log:
             outcome = _decision_record(situation, decision, trip)
         record = StepRecord(
             index=update.index,
-            sim_time_s=_round(now["sim_time_s"]),
-            path_length_m=_round(now["path_length_m"]),
+            sim_time_s=_round(now.sim_time_s),
+            path_length_m=_round(now.path_length_m),
             predicted_pose=_pose(update.predicted_pose),
             pose=_pose(update.pose),
-            true_pose=_pose(true),
-            trail=[_pose(p) for p in now["trip"].trail] if now["trip"] else [],
-            true_trail=[_pose(p) for p in now["true_trail"]],
+            true_pose=_pose(now.true_pose),
+            trail=[_pose(p) for p in now.trail],
+            true_trail=[_pose(p) for p in now.true_trail],
             scan_headings_rad=[_round(h) for h in scan.headings_rad],
             scan_ranges_m=[_round(r) for r in scan.ranges_m],
             odometry=_pose(scan.pose_robot_in_odometry),
@@ -156,7 +174,7 @@ class _Log:
             new_chains=list(update.new_chains),
             merges=[(m.survivor, m.absorbed) for m in update.merges],
             dangling=list(update.dangling),
-            explored_fraction=_round(now["explored"]),
+            explored_fraction=_round(now.explored),
             decision=outcome,
         )
         self.steps.append(record)

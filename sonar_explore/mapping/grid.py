@@ -33,7 +33,9 @@ class GridFrame:
 
     def cells(self, points: Array) -> Cells:
         """(row, column) of points (x, y), shape (n, 2) both; not clipped to the grid."""
-        return np.floor((np.asarray(points)[:, ::-1] - (self.y0, self.x0)) / self.resolution_m).astype(np.int64)
+        return np.floor((np.asarray(points)[:, ::-1] - (self.y0, self.x0)) / self.resolution_m).astype(
+            np.int64
+        )
 
     def cell(self, x: float, y: float) -> tuple[int, int]:
         """(row, column) of one point; not clipped to the grid."""
@@ -47,7 +49,9 @@ class GridFrame:
         """Which cells lie on the grid, shape (n,)."""
         return np.all((cells >= 0) & (cells < self.shape), axis=1)
 
-    def covering(self, low: tuple[float, float], high: tuple[float, float], block_m: float = 4.0) -> GridFrame:
+    def covering(
+        self, low: tuple[float, float], high: tuple[float, float], block_m: float = 4.0
+    ) -> GridFrame:
         """This frame, grown in whole blocks until it covers the box; cells keep their places."""
         block = round(block_m / self.resolution_m)
         size = block * self.resolution_m

@@ -24,8 +24,8 @@ from scipy.spatial import cKDTree
 from sonar_explore.geometry import Array, Pose, wrap_angle
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States
 from sonar_explore.mapping.sectors import cut_at_walls, mark_sector, mark_segments
-from sonar_explore.slam.features import Feature, FeatureKind, compensated_ranges
 from sonar_explore.measurement import Scan
+from sonar_explore.slam.features import Feature, FeatureKind, compensated_ranges
 
 BINS = 360
 """Directions in which a scan position keeps how far it is clear."""
@@ -249,4 +249,6 @@ def _disc_trail(frame: GridFrame, trail: Array, radius_m: float) -> Mask:
     cells = frame.cells(trail)
     cells = cells[frame.contains(cells)]
     been[cells[:, 0], cells[:, 1]] = False
-    return np.asarray(ndimage.distance_transform_edt(been) * frame.resolution_m <= radius_m - 0.5 * frame.resolution_m)
+    return np.asarray(
+        ndimage.distance_transform_edt(been) * frame.resolution_m <= radius_m - 0.5 * frame.resolution_m
+    )

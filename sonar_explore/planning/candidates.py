@@ -29,7 +29,7 @@ class CandidateConfig:
     view_m: float = 1.5
     """How far a scan is expected to clear, [m]."""
     least_room_m: float = 0.38
-    """Distance of a place from known walls, [m]: nearer ones are inside the scanning disc's dead zone (0.20 m before the disc)."""
+    """Distance of a place from known walls, [m]: nearer ones are in the dead zone, 0.20 m before the disc."""
     least_area_m2: float = 0.10
     """New area below which a place is not worth a scan, [m2]."""
     apart_m: float = 0.30
@@ -61,7 +61,9 @@ class Candidate:
 class CandidateFinder:
     """Finds candidate scan positions on a lattice over the reachable free space."""
 
-    def __init__(self, config: CandidateConfig, body_radius_m: float, range_min_m: float, range_max_m: float) -> None:
+    def __init__(
+        self, config: CandidateConfig, body_radius_m: float, range_min_m: float, range_max_m: float
+    ) -> None:
         self._config = config
         self._body = body_radius_m
         self._near, self._far = range_min_m, range_max_m
@@ -89,14 +91,16 @@ class CandidateFinder:
         if not len(cells):
             return ()
         way = passable(grid, self._body)
-        area = new_area(cells, way, (grid.states == UNKNOWN) & way, self._config.view_m, grid.frame.resolution_m)
+        area = new_area(
+            cells, way, (grid.states == UNKNOWN) & way, self._config.view_m, grid.frame.resolution_m
+        )
         places = grid.frame.centres(cells)
         answers = expected_chains(places, chains, grid, self._near, self._far)
         dangling = np.array([c.dangling and tried.get(c.id, 0) < 2 for c in chains], dtype=bool)
         certain = np.array([c.root_probability if not c.dangling else 0.0 for c in chains])
-        meets = np.zeros(len(cells), dtype=bool)
+        meets: Mask = np.zeros(len(cells), dtype=bool)
         if dangling.any():
-            meets = answers[:, dangling].any(axis=1) & answers[:, ~dangling].any(axis=1)
+            meets = np.asarray(answers[:, dangling].any(axis=1) & answers[:, ~dangling].any(axis=1))
         length = paths.cost_m[cells[:, 0], cells[:, 1]]
         worth = (area >= self._config.least_area_m2) | meets
         rank = np.where(area >= self._config.least_area_m2, area, 0.0) + 0.2 * meets
@@ -104,7 +108,7 @@ class CandidateFinder:
         directions = np.array([c.root.segment.direction for c in chains])
         found = []
         for i in chosen:
-            ids = np.flatnonzero(answers[i])
+            ids = [int(k) for k in np.flatnonzero(answers[i])]
             found.append(
                 Candidate(
                     x=float(places[i, 0]),
@@ -136,7 +140,9 @@ class CandidateFinder:
         if not len(taken):
             return cells
         places = grid.frame.centres(cells)
-        gap = np.hypot(places[:, None, 0] - taken[None, :, 0], places[:, None, 1] - taken[None, :, 1]).min(axis=1)
+        gap = np.hypot(places[:, None, 0] - taken[None, :, 0], places[:, None, 1] - taken[None, :, 1]).min(
+            axis=1
+        )
         return cells[gap >= self._config.apart_m]
 
     def _spread(self, places: Array, score: Array) -> list[int]:

@@ -66,7 +66,9 @@ def drive(
             here = pose()
             distance = math.hypot(x - here.x, y - here.y)
             error = wrap_angle(math.atan2(y - here.y, x - here.x) - here.heading)
-            if distance <= config.arrived_m or (distance <= 2.0 * config.arrived_m and abs(error) > math.pi / 2):
+            if distance <= config.arrived_m or (
+                distance <= 2.0 * config.arrived_m and abs(error) > math.pi / 2
+            ):
                 break
             if abs(error) > config.aligned_rad and (distance > 3 * config.arrived_m or abs(error) > 0.5):
                 robot.tick(0.0, _turn_rate(error, body))

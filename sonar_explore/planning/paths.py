@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy import ndimage
@@ -38,7 +39,12 @@ class SafePaths:
     """All cheapest safe paths from one place (Dijkstra over 8-connected cells)."""
 
     def __init__(
-        self, grid: OccupancyGrid, x: float, y: float, body_radius_m: float, config: PlanningConfig,
+        self,
+        grid: OccupancyGrid,
+        x: float,
+        y: float,
+        body_radius_m: float,
+        config: PlanningConfig,
         shut: Array | None = None,
     ) -> None:
         self.frame: GridFrame = grid.frame
@@ -116,7 +122,7 @@ def _least_room(points: Array, room_m: Array, frame: GridFrame) -> float:
 def sampled(path: Array, step_m: float) -> Array:
     """Points along a polyline at most a step apart, its corners among them, shape (k, 2), [m]."""
     pieces = [path[:1]]
-    for a, b in zip(path[:-1], path[1:], strict=True):
+    for a, b in pairwise(path):
         count = max(1, math.ceil(math.hypot(*(b - a)) / step_m))
         pieces.append(a + (b - a) * (np.arange(1, count + 1) / count)[:, None])
     return np.vstack(pieces)

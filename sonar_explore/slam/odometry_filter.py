@@ -2,9 +2,9 @@
 
 The paper corrects by what the associations say and asks the odometry nothing. Here the odometry has a say: it bounds
 which associations are believable at all, and shares the correction with the associations that the link graph
-kept, each by its variance. The state is the error of the pose and of two constants of the wheels: a wrong wheel base scales
-every turn, unequal wheels bend every drive. A robot is wrong in its own way, the same way all day (READING
-section 3), so both are learned on the way, and the smear of the scan with them.
+kept, each by its variance. The state is the error of the pose and of two constants of the wheels: a wrong wheel
+base scales every turn, unequal wheels bend every drive. A robot is wrong in its own way, the same way all day
+(READING section 3), so both are learned on the way, and the smear of the scan with them.
 """
 
 from __future__ import annotations

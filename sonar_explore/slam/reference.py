@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sonar_explore.geometry import Segment, wrap_undirected
+from sonar_explore.geometry import Array, Segment, wrap_undirected
 from sonar_explore.slam.chains import Chain
 
 ROUNDS = 3
@@ -47,13 +47,20 @@ def reference_line(chain: Chain, config: ReferenceConfig) -> Segment:
     return Segment(mx - dx, my - dy, mx + dx, my + dy)
 
 
-def _fit(along: np.ndarray, across: np.ndarray, turns: np.ndarray, config: ReferenceConfig) -> tuple[float, float]:
+def _fit(
+    along: np.ndarray, across: np.ndarray, turns: np.ndarray, config: ReferenceConfig
+) -> tuple[float, float]:
     """Offset [m] and slope of the line across = offset + slope along, with the directions as slopes too."""
     foot, direction = 1.0 / config.foot_sigma_m, 1.0 / config.direction_sigma_rad
-    rows = np.vstack([foot * np.column_stack([np.ones_like(along), along]), np.column_stack([np.zeros_like(turns), np.full_like(turns, direction)])])
+    rows = np.vstack(
+        [
+            foot * np.column_stack([np.ones_like(along), along]),
+            np.column_stack([np.zeros_like(turns), np.full_like(turns, direction)]),
+        ]
+    )
     values = np.concatenate([foot * across, direction * np.tan(turns)])
-    weights = np.ones(len(values))
-    solution = np.zeros(2)
+    weights: Array = np.ones(len(values))
+    solution: Array = np.zeros(2)
     for _ in range(ROUNDS):
         solution = np.linalg.lstsq(rows * weights[:, None], values * weights, rcond=None)[0]
         off = np.abs(values - rows @ solution)

@@ -104,9 +104,7 @@ class ChainSlam:
             self.pose, self._placed = self._placed, None
         return self.pose
 
-    def _correct(
-        self, predicted: Pose, graphs: LinkGraphs, kept: Residuals, weights: Weights
-    ) -> Correction:
+    def _correct(self, predicted: Pose, graphs: LinkGraphs, kept: Residuals, weights: Weights) -> Correction:
         """III.F: nothing to correct by, or no consensus: no correction."""
         several, survivors = len(graphs.associations) > 1, len(graphs.kept)
         if several and survivors < self.config.localization.min_consensus:
@@ -156,9 +154,7 @@ class ChainSlam:
 class DeadReckoning(ChainSlam):
     """`off`: the same chains on the same associations, and no correction."""
 
-    def _correct(
-        self, predicted: Pose, graphs: LinkGraphs, kept: Residuals, weights: Weights
-    ) -> Correction:
+    def _correct(self, predicted: Pose, graphs: LinkGraphs, kept: Residuals, weights: Weights) -> Correction:
         return Correction()
 
 
