@@ -17,6 +17,7 @@ from sonar_explore.slam.localization import Correction, LocalizationConfig
 from sonar_explore.slam.odometry_filter import FilterConfig
 from sonar_explore.slam.probability import ProbabilityConfig
 from sonar_explore.slam.reference import ReferenceConfig
+from sonar_explore.slam.turning import TurningConfig
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ class SlamConfig:
     link_graph: LinkGraphConfig = field(default_factory=LinkGraphConfig)
     probability: ProbabilityConfig = field(default_factory=ProbabilityConfig)
     localization: LocalizationConfig = field(default_factory=LocalizationConfig)
+    turning: TurningConfig = field(default_factory=TurningConfig)
     reference: ReferenceConfig = field(default_factory=ReferenceConfig)
     odometry: FilterConfig = field(default_factory=FilterConfig)
 
@@ -44,6 +46,7 @@ class SlamConfig:
         return cls(
             features=FeatureConfig(beam_check=True, beam_bearing=True, corner_on_wall=True),
             localization=LocalizationConfig(min_consensus=2),
+            turning=TurningConfig(enabled=True),
             reference=ReferenceConfig(refined=True),
             odometry=FilterConfig(enabled=True),
         )

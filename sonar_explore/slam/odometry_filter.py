@@ -38,12 +38,14 @@ class FilterConfig:
     """Random heading error of a metre, [rad]."""
     distance_m: float = 0.03
     """Random distance error of a metre, [m]."""
-    bearing_rad: float = math.radians(2.5)
+    bearing_rad: float = math.radians(2.0)
     """Angle between a feature and the line it belongs to, [rad]."""
     normal_m: float = 0.02
     """Distance between a feature and the line it belongs to, [m]."""
     gate_sigmas: float = 3.0
     """Associations farther off than this are not believable."""
+    huber_sigmas: float = 1.0
+    """Associations farther off than this count less the farther they are."""
     least_heading_rad: float = math.radians(0.5)
     """The map is never surer than this, [rad]."""
     least_position_m: float = 0.01
@@ -92,18 +94,26 @@ class OdometryFilter:
             & (np.abs(residuals.ndr_m) <= cfg.gate_sigmas * distance)
         )
 
-    def corrected(self, pose: Pose, residuals: Residuals) -> Pose:
-        """The pose after the kept associations: heading by ADR, position by NDR."""
+    def corrected(self, pose: Pose, residuals: Residuals, sweeps_rad: Array) -> Pose:
+        """The pose after the kept associations: heading by ADR, position by NDR.
+
+        Args:
+            sweeps_rad: how far the robot had turned in its scan when each feature was heard, signed, shape (n,),
+                [rad]: an error of the turns shows in ADR the more, the later.
+        """
         n = len(residuals.adr_rad)
         if n == 0:
             return pose
         cfg = self.config
         jacobian = np.zeros((2 * n, 5))
         jacobian[:n, HEADING] = 1.0
+        jacobian[:n, TURN] = sweeps_rad
         jacobian[n:, :2] = residuals.normals
         innovation = np.concatenate([residuals.adr_rad, -residuals.ndr_m])
         noise = np.concatenate([np.full(n, cfg.bearing_rad**2), np.full(n, cfg.normal_m**2)])
         p = self.covariance
+        expected = np.einsum("ni,ij,nj->n", jacobian, p, jacobian) + noise
+        noise = noise * np.maximum(1.0, innovation**2 / (cfg.huber_sigmas**2 * expected))
         gain = np.linalg.solve(jacobian @ p @ jacobian.T + np.diag(noise), jacobian @ p).T
         change = gain @ innovation
         kept = np.eye(5) - gain @ jacobian

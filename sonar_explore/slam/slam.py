@@ -22,6 +22,7 @@ from sonar_explore.slam.localization import Correction, Weights, association_wei
 from sonar_explore.slam.odometry_filter import OdometryFilter
 from sonar_explore.slam.probability import RootCertainty, association_probabilities
 from sonar_explore.slam.residuals import Residuals, residuals_to_roots
+from sonar_explore.slam.turning import follows_the_wall
 
 
 class ChainSlam:
@@ -69,7 +70,9 @@ class ChainSlam:
         predicted = self._predicted_at(scan)
         associations = associate(predicted, features, self.chains, config.association)
         residuals = residuals_to_roots(predicted, features, associations, self.chains, config.reference)
-        believable = self._filter.believable(residuals)
+        believable = self._filter.believable(residuals) & follows_the_wall(
+            predicted, features, associations, self.chains, [e.pose for e in self._entries], config.turning
+        )
         associations = tuple(a for a, ok in zip(associations, believable, strict=True) if ok)
         residuals = residuals.only(believable)
         graphs = fit_link_graphs(associations, residuals, config.link_graph)
@@ -77,7 +80,8 @@ class ChainSlam:
         probability = np.zeros(len(associations))
         probability[graphs.final] = association_probabilities(graphs.kept, kept.adr_rad, config.probability)
         weights = association_weights(residuals, probability)
-        correction = self._correct(predicted, graphs, kept, weights.only(graphs.final))
+        sweeps = np.array([_sweep(scan, features[a.feature]) for a in graphs.kept])
+        correction = self._correct(predicted, graphs, kept, weights.only(graphs.final), sweeps)
         self.pose = correction.applied_to(predicted)
         merges = merge_dual_associations(self.chains, graphs.kept)
         links = self._links(index, features)
@@ -104,13 +108,15 @@ class ChainSlam:
             self.pose, self._placed = self._placed, None
         return self.pose
 
-    def _correct(self, predicted: Pose, graphs: LinkGraphs, kept: Residuals, weights: Weights) -> Correction:
+    def _correct(
+        self, predicted: Pose, graphs: LinkGraphs, kept: Residuals, weights: Weights, sweeps: Array
+    ) -> Correction:
         """III.F: nothing to correct by, or no consensus: no correction."""
         several, survivors = len(graphs.associations) > 1, len(graphs.kept)
         if several and survivors < self.config.localization.min_consensus:
             return Correction()
         if self.config.odometry.enabled:
-            corrected = self._filter.corrected(predicted, kept)
+            corrected = self._filter.corrected(predicted, kept, sweeps)
             return Correction(
                 corrected.x - predicted.x, corrected.y - predicted.y, corrected.heading - predicted.heading
             )
@@ -154,7 +160,9 @@ class ChainSlam:
 class DeadReckoning(ChainSlam):
     """`off`: the same chains on the same associations, and no correction."""
 
-    def _correct(self, predicted: Pose, graphs: LinkGraphs, kept: Residuals, weights: Weights) -> Correction:
+    def _correct(
+        self, predicted: Pose, graphs: LinkGraphs, kept: Residuals, weights: Weights, sweeps: Array
+    ) -> Correction:
         return Correction()
 
 
@@ -165,6 +173,11 @@ class KnownPose(DeadReckoning):
         if self._placed is None:
             raise SonarExploreError("slam 'truth' is told every pose: call place() before each update()")
         return super()._predicted_at(scan)
+
+
+def _sweep(scan: Scan, feature: Feature) -> float:
+    """How far the robot had turned when it heard a feature, signed, [rad]."""
+    return float(np.mean(scan.headings_rad[list(feature.readings)]))
 
 
 def _scored(
