@@ -7,6 +7,7 @@ from sonar_explore.geometry import Pose
 from sonar_explore.slam.base import ScanEntry, ScanUpdate, ScoredAssociation, Slam, SlamConfig
 from sonar_explore.slam.chains import Chain, ChainMap, Link
 from sonar_explore.slam.features import Feature, FeatureKind
+from sonar_explore.slam.smoothed import SmoothedSlam
 from sonar_explore.slam.slam import ChainSlam, DeadReckoning, KnownPose
 
 __all__ = [
@@ -29,12 +30,13 @@ SLAMS: dict[str, type[ChainSlam]] = {
     "chain": ChainSlam,
     "literal": ChainSlam,
     "off": DeadReckoning,
+    "smoothed": SmoothedSlam,
     "truth": KnownPose,
 }
 
 
 def make_slam(name: str, start: Pose, config: SlamConfig | None = None) -> Slam:
-    """`chain` corrects the pose, `off` trusts the odometry, `truth` is told every pose from outside.
+    """`chain` corrects the pose, `smoothed` all poses and chains, `off` trusts the odometry, `truth` is told every pose.
 
     `literal` is `chain` to the paper's letter: it takes no configuration.
     """

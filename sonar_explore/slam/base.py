@@ -17,6 +17,7 @@ from sonar_explore.slam.localization import Correction, LocalizationConfig
 from sonar_explore.slam.odometry_filter import FilterConfig
 from sonar_explore.slam.probability import ProbabilityConfig
 from sonar_explore.slam.reference import ReferenceConfig
+from sonar_explore.slam.smoothing import SmoothingConfig
 from sonar_explore.slam.turning import TurningConfig
 
 
@@ -35,6 +36,7 @@ class SlamConfig:
     turning: TurningConfig = field(default_factory=TurningConfig)
     reference: ReferenceConfig = field(default_factory=ReferenceConfig)
     odometry: FilterConfig = field(default_factory=FilterConfig)
+    smoothing: SmoothingConfig = field(default_factory=SmoothingConfig)
 
     @classmethod
     def robust(cls) -> SlamConfig:

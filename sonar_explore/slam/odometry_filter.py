@@ -80,15 +80,27 @@ class OdometryFilter:
             return scan
         return replace(scan, headings_rad=scan.headings_rad * (1.0 + self.turn_error))
 
-    def believable(self, residuals: Residuals) -> NDArray[np.bool_]:
-        """Which associations the odometry allows, shape (n,)."""
+    def restart(self, turn_error: float, bend_rad_m: float) -> None:
+        """Take the pose for sure and the wheels as given: somebody else keeps their uncertainty."""
+        self.turn_error, self.bend_rad_m = turn_error, bend_rad_m
+        self.covariance = np.zeros((5, 5))
+
+    def believable(
+        self, residuals: Residuals, angle_rad: Array | float = 0.0, distance_m: Array | float = 0.0
+    ) -> NDArray[np.bool_]:
+        """Which associations the odometry allows, shape (n,).
+
+        Args:
+            angle_rad: standard deviation of each line relative to the last scan, shape (n,), [rad].
+            distance_m: the same for the distance, shape (n,), [m].
+        """
         n = len(residuals.adr_rad)
         if not self.config.enabled:
             return np.ones(n, dtype=bool)
         cfg, p = self.config, self.covariance
-        angle = np.sqrt(p[HEADING, HEADING] + cfg.bearing_rad**2)
+        angle = np.sqrt(p[HEADING, HEADING] + cfg.bearing_rad**2 + angle_rad**2)
         across = np.einsum("ni,ij,nj->n", residuals.normals, p[:2, :2], residuals.normals)
-        distance = np.sqrt(across + cfg.normal_m**2)
+        distance = np.sqrt(across + cfg.normal_m**2 + distance_m**2)
         return np.asarray(
             (np.abs(residuals.adr_rad) <= cfg.gate_sigmas * angle)
             & (np.abs(residuals.ndr_m) <= cfg.gate_sigmas * distance)

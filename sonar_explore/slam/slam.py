@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.errors import SonarExploreError
@@ -70,7 +71,7 @@ class ChainSlam:
         predicted = self._predicted_at(scan)
         associations = associate(predicted, features, self.chains, config.association)
         residuals = residuals_to_roots(predicted, features, associations, self.chains, config.reference)
-        believable = self._filter.believable(residuals) & follows_the_wall(
+        believable = self._believable(associations, residuals) & follows_the_wall(
             predicted, features, associations, self.chains, [e.pose for e in self._entries], config.turning
         )
         associations = tuple(a for a, ok in zip(associations, believable, strict=True) if ok)
@@ -80,7 +81,7 @@ class ChainSlam:
         probability = np.zeros(len(associations))
         probability[graphs.final] = association_probabilities(graphs.kept, kept.adr_rad, config.probability)
         weights = association_weights(residuals, probability)
-        sweeps = np.array([_sweep(scan, features[a.feature]) for a in graphs.kept])
+        sweeps = np.array([sweep_rad(scan, features[a.feature]) for a in graphs.kept])
         correction = self._correct(predicted, graphs, kept, weights.only(graphs.final), sweeps)
         self.pose = correction.applied_to(predicted)
         merges = merge_dual_associations(self.chains, graphs.kept)
@@ -100,6 +101,12 @@ class ChainSlam:
             merges=merges,
             dangling=self.chains.dangling,
         )
+
+    def _believable(
+        self, associations: Sequence[Association], residuals: Residuals
+    ) -> NDArray[np.bool_]:
+        """Which associations the odometry allows, shape (n,)."""
+        return self._filter.believable(residuals)
 
     def _predicted_at(self, scan: Scan) -> Pose:
         """Where the scan began: by odometry, or as placed."""
@@ -175,7 +182,7 @@ class KnownPose(DeadReckoning):
         return super()._predicted_at(scan)
 
 
-def _sweep(scan: Scan, feature: Feature) -> float:
+def sweep_rad(scan: Scan, feature: Feature) -> float:
     """How far the robot had turned when it heard a feature, signed, [rad]."""
     return float(np.mean(scan.headings_rad[list(feature.readings)]))
 

@@ -1,0 +1,219 @@
+"""Smoothing (beyond the paper): all scan poses, all chain lines and the wheels as one sparse least-squares problem.
+
+The paper moves nothing retroactively: when two chains merge, the gap stays in the map, and a root keeps the heading error
+of the scan that saw it. Here every scan pose and every chain's line is estimated from everything measured so far:
+
+- odometry between scans, with its covariance and its dependence on the two constants of the wheels;
+- bearing and range of each associated feature to the line of its chain; a merge puts two chains on one line.
+
+Gauss-Newton with a robust loss (Huber, then Cauchy), so that a false merge bends the map little.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import SuperLU, splu
+
+from sonar_explore.geometry import Array, Pose, wrap_angle
+from sonar_explore.slam.motion import Motion
+
+Robust = Callable[[Array], Array]
+"""Weights of squared residuals, in sigmas."""
+HUBER, CAUCHY = 1.5, 2.0  # sigmas
+
+
+@dataclass(frozen=True)
+class SmoothingConfig:
+    """Standard deviations of what is measured."""
+
+    bearing_rad: float = math.radians(2.0)
+    """Of a feature's normal, by the lattice of headings, [rad]."""
+    range_m: float = 0.015
+    """Of a feature's range, by noise and temperature, [m]."""
+    iterations: int = 6
+    """Gauss-Newton steps a scan: the first half with Huber's loss, the rest with Cauchy's."""
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """A feature of one scan on one chain."""
+
+    scan: int
+    chain: int
+    bearing_rad: float
+    """Of the normal, as the odometry has it, robot frame at the start of the scan, [rad]."""
+    sweep_rad: float
+    """How far the robot had turned when it heard it, signed, [rad]."""
+    range_m: float
+    """[m]"""
+
+
+class Smoother:
+    """The whole history, solved again after each scan."""
+
+    def __init__(self, start: Pose, config: SmoothingConfig, wheel_sigmas: tuple[float, float]) -> None:
+        self._config = config
+        self._wheel_sigmas = np.array(wheel_sigmas)
+        self._start = start
+        self.poses: Array = np.zeros((0, 3))
+        """x, y [m], heading [rad] of every scan, shape (n, 3)."""
+        self.wheels: Array = np.zeros(2)
+        """Turn error and bend [rad/m]."""
+        self._lines: dict[int, Array] = {}
+        self._motions: list[Motion] = []
+        self._sightings: list[Sighting] = []
+        self._factor: SuperLU | None = None
+
+    def add_scan(self, pose: Pose, motion: Motion | None) -> None:
+        """A new scan, first guessed here; `motion` from the scan before, None for the first."""
+        self.poses = np.vstack([self.poses, [pose.x, pose.y, pose.heading]])
+        if motion is not None:
+            self._motions.append(motion)
+
+    def add_sighting(self, sighting: Sighting) -> None:
+        """A feature on a chain; the first one of a chain makes its line."""
+        self._sightings.append(sighting)
+        if sighting.chain not in self._lines:
+            x, y, heading = self.poses[sighting.scan]
+            angle = heading + sighting.bearing_rad + sighting.sweep_rad * self.wheels[0]
+            self._lines[sighting.chain] = np.array(
+                [angle, x * math.cos(angle) + y * math.sin(angle) + sighting.range_m]
+            )
+
+    def merge(self, survivor: int, absorbed: int) -> None:
+        """Two chains are one wall."""
+        self._sightings = [
+            Sighting(s.scan, survivor, s.bearing_rad, s.sweep_rad, s.range_m) if s.chain == absorbed else s
+            for s in self._sightings
+        ]
+        self._lines.pop(absorbed, None)
+
+    def solve(self) -> None:
+        """Move poses, lines and wheels to where everything agrees best."""
+        chains = sorted(self._lines)
+        column = {chain: 3 * len(self.poses) + 2 * k for k, chain in enumerate(chains)}
+        sightings = _Stack.of(self._sightings, column)
+        lines = np.array([self._lines[chain] for chain in chains]).reshape(-1, 2)
+        for k in range(self._config.iterations):
+            robust = _huber if 2 * k < self._config.iterations else _cauchy
+            step = self._step(sightings, lines, robust)
+            n = len(self.poses)
+            self.poses = self.poses + step[: 3 * n].reshape(n, 3)
+            lines = lines + step[3 * n : -2].reshape(-1, 2)
+            self.wheels = self.wheels + step[-2:]
+        self._lines = dict(zip(chains, lines, strict=True))
+        self._column = column
+
+    def uncertainty(self, chain: int) -> tuple[float, float]:
+        """Standard deviations of the last pose relative to a chain's line: angle [rad] and distance [m]."""
+        if self._factor is None or chain not in self._column:
+            return 0.0, 0.0
+        n, k = 3 * (len(self.poses) - 1), self._column[chain]
+        angle, _ = self._lines[chain]
+        x, y, _ = self.poses[-1]
+        size = self._factor.shape[0]
+        ask = np.zeros((size, 2))
+        ask[n + 2, 0], ask[k, 0] = 1.0, -1.0
+        ask[n, 1], ask[n + 1, 1], ask[k + 1, 1] = -math.cos(angle), -math.sin(angle), 1.0
+        ask[k, 1] = x * math.sin(angle) - y * math.cos(angle)
+        variance = np.einsum("nk,nk->k", ask, self._factor.solve(ask))
+        return math.sqrt(max(0.0, variance[0])), math.sqrt(max(0.0, variance[1]))
+
+    def _step(self, sightings: _Stack, lines: Array, robust: Robust) -> Array:
+        size = 3 * len(self.poses) + 2 * len(lines) + 2
+        blocks = [self._anchor(size), self._odometry(size)]
+        if len(sightings.scan):
+            blocks.append(self._sighted(sightings, lines, size, robust))
+        jacobian = sparse.vstack([b[0] for b in blocks]).tocsc()
+        residual = np.concatenate([b[1] for b in blocks])
+        self._factor = splu((jacobian.T @ jacobian).tocsc())
+        return np.asarray(self._factor.solve(-(jacobian.T @ residual)))
+
+    def _anchor(self, size: int) -> tuple[sparse.csr_matrix, Array]:
+        """The first scan stands at the start; the wheels are about right."""
+        weight = np.concatenate([np.full(3, 1e4), 1.0 / self._wheel_sigmas])
+        columns = np.array([0, 1, 2, size - 2, size - 1])
+        start = np.array([self._start.x, self._start.y, self._start.heading])
+        off = np.concatenate([self.poses[0] - start, self.wheels])
+        return sparse.csr_matrix((weight, (np.arange(5), columns)), shape=(5, size)), weight * off
+
+    def _odometry(self, size: int) -> tuple[sparse.csr_matrix, Array]:
+        m = len(self._motions)
+        rows, columns, values, residuals = [], [], [], []
+        for i, motion in enumerate(self._motions):
+            white = np.linalg.inv(np.linalg.cholesky(motion.covariance))
+            here, there = self.poses[i], self.poses[i + 1]
+            c, s = math.cos(here[2]), math.sin(here[2])
+            back = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+            moved = back @ (there - here)
+            by_here = -back
+            by_here[0, 2], by_here[1, 2] = moved[1], -moved[0]
+            jacobian = white @ np.hstack([by_here, back, -motion.by_wheels])
+            residuals.append(white @ (moved - motion.change - motion.by_wheels @ self.wheels))
+            column = np.concatenate([np.arange(3 * i, 3 * i + 6), [size - 2, size - 1]])
+            rows.append(np.repeat(np.arange(3 * i, 3 * i + 3), 8))
+            columns.append(np.tile(column, 3))
+            values.append(jacobian.ravel())
+        if not m:
+            return sparse.csr_matrix((0, size)), np.zeros(0)
+        at = (np.concatenate(rows), np.concatenate(columns))
+        return sparse.csr_matrix((np.concatenate(values), at), shape=(3 * m, size)), np.concatenate(residuals)
+
+    def _sighted(
+        self, stack: _Stack, lines: Array, size: int, robust: Robust
+    ) -> tuple[sparse.csr_matrix, Array]:
+        x, y, heading = self.poses[stack.scan].T
+        angle, distance = lines[stack.line].T
+        normal = heading + stack.bearing + stack.sweep * self.wheels[0]
+        side = np.where(np.cos(normal - angle) >= 0.0, 1.0, -1.0)  # a thin wall may be seen from behind
+        c, s = np.cos(angle), np.sin(angle)
+        turn = wrap_angle(normal - angle + np.where(side < 0.0, math.pi, 0.0)) / self._config.bearing_rad
+        gap = (side * (distance - x * c - y * s) - stack.range) / self._config.range_m
+        weight = np.sqrt(robust(turn**2 + gap**2))
+        u, v = weight / self._config.bearing_rad, side * weight / self._config.range_m
+        n = len(stack.scan)
+        pose, line = 3 * stack.scan, 3 * len(self.poses) + 2 * stack.line
+        first, second = np.arange(n), np.arange(n, 2 * n)
+        wheel = np.full(n, size - 2)
+        rows = np.concatenate([first, first, first, second, second, second, second])
+        columns = np.concatenate([pose + 2, line, wheel, pose, pose + 1, line, line + 1])
+        values = np.concatenate([u, -u, u * stack.sweep, -v * c, -v * s, v * (x * s - y * c), v])
+        jacobian = sparse.csr_matrix((values, (rows, columns)), shape=(2 * n, size))
+        return jacobian, np.concatenate([weight * turn, weight * gap])
+
+
+@dataclass(frozen=True, eq=False)
+class _Stack:
+    """All sightings as arrays, shape (n,) each."""
+
+    scan: np.ndarray
+    line: np.ndarray
+    bearing: Array
+    sweep: Array
+    range: Array
+
+    @staticmethod
+    def of(sightings: list[Sighting], column: dict[int, int]) -> _Stack:
+        lines = {chain: k for k, chain in enumerate(sorted(column))}
+        return _Stack(
+            scan=np.array([s.scan for s in sightings], dtype=np.intp),
+            line=np.array([lines[s.chain] for s in sightings], dtype=np.intp),
+            bearing=np.array([s.bearing_rad for s in sightings], dtype=float),
+            sweep=np.array([s.sweep_rad for s in sightings], dtype=float),
+            range=np.array([s.range_m for s in sightings], dtype=float),
+        )
+
+
+def _huber(squared: Array) -> Array:
+    """Weight of a squared residual."""
+    return np.asarray(1.0 / np.maximum(1.0, np.sqrt(squared) / HUBER))
+
+
+def _cauchy(squared: Array) -> Array:
+    """Weight of a squared residual: what is far off hardly counts."""
+    return np.asarray(1.0 / (1.0 + squared / CAUCHY**2))
