@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from sonar_explore.errors import SonarExploreError
+from sonar_explore.studies.commands import STUDY_COMMANDS
 
 if TYPE_CHECKING:
     from sonar_explore.episodes.record import EpisodeRecord, StepRecord
@@ -171,6 +172,10 @@ def report(episode: Path, out: Path | None) -> None:
     page = out or episode.with_name("report.html")
     _report(load_record(episode), page)
     click.echo(f"report: {page}")
+
+
+for _command in STUDY_COMMANDS:
+    commands.add_command(_command)
 
 
 def default_folder(world: str, agent: str, slam: str, noise: str, seed: int) -> Path:

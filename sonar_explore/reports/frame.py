@@ -50,7 +50,12 @@ class Frame:
 
 def frame_of(record: EpisodeRecord) -> Frame:
     """The frame that holds the walls, the scan positions and every feature."""
-    points = [point for point in _everything(record) if all(map(math.isfinite, point))]
+    return frame_around(_everything(record))
+
+
+def frame_around(everything: Iterable[Point]) -> Frame:
+    """The frame that holds the points and a margin; those that are not finite do not count."""
+    points = [point for point in everything if all(map(math.isfinite, point))]
     xs, ys = [x for x, _ in points], [y for _, y in points]
     margin = MARGIN * max(max(xs) - min(xs), max(ys) - min(ys), 1.0)
     left, right = min(xs) - margin, max(xs) + margin

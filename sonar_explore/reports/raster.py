@@ -25,8 +25,8 @@ def grid_states(grid: GridRecord) -> np.ndarray:
     return np.minimum(states, 2)
 
 
-def grid_png(grid: GridRecord) -> str:
-    """A `data:` address of the grid, highest y first as pictures have it."""
+def grid_png(grid: GridRecord, opacity: bytes = OPACITY) -> str:
+    """A `data:` address of the grid, highest y first as pictures have it; opacity of each state, 0 to 255."""
     rows = grid_states(grid)[::-1]
     height, width = rows.shape
     lines = b"".join(b"\0" + row.tobytes() for row in rows)
@@ -35,7 +35,7 @@ def grid_png(grid: GridRecord) -> str:
         for part in (
             (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 3, 0, 0, 0)),
             (b"PLTE", PALETTE),
-            (b"tRNS", OPACITY),
+            (b"tRNS", opacity),
             (b"IDAT", zlib.compress(lines, 9)),
             (b"IEND", b""),
         )

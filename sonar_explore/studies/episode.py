@@ -1,0 +1,69 @@
+"""Run one job: what a worker process does."""
+
+from __future__ import annotations
+
+import signal
+import traceback
+from pathlib import Path
+
+from sonar_explore import __version__
+from sonar_explore.config import ExplorationConfig
+from sonar_explore.envs.odometry import NOISE_PRESETS, noise_preset
+from sonar_explore.episodes.record import EpisodeRecord
+from sonar_explore.episodes.run import run_episode
+from sonar_explore.studies.jobs import Job, Outcome
+from sonar_explore.studies.store import record_path, report_path, save_outcome, save_record_packed
+
+
+def ignore_interrupts() -> None:
+    """Ctrl-C is the parent's to handle: it lets the episodes under way finish."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def run_job(job: Job, folder: Path, keep_record: bool) -> Outcome:
+    """Run the episode and write what it leaves; the outcome's file comes last and says that all is there.
+
+    An exception is an outcome too: a study of a thousand episodes must not end at one.
+    """
+    path = folder / job.path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    summary, error = None, None
+    try:
+        record = _run(job)
+        summary = record.summary
+        if keep_record:
+            _keep(record, path)
+    except Exception as raised:
+        error = _one_line(raised)
+    outcome = Outcome(job.world, job.variant.name, job.seed, job.fingerprint, __version__, summary, error)
+    save_outcome(outcome, path)
+    return outcome
+
+
+def _run(job: Job) -> EpisodeRecord:
+    config = job.config
+    noise = _noise_name(job, config)
+    return run_episode(job.world, slam=job.variant.slam, noise=noise, seed=job.seed, config=config)
+
+
+def _noise_name(job: Job, config: ExplorationConfig) -> str:
+    """The preset's name; wheels that a variant changed are a preset of their own, in this process alone."""
+    if config.simulator.noise == noise_preset(job.noise):
+        return job.noise
+    name = f"{job.noise}, {job.variant.name}"
+    NOISE_PRESETS[name] = config.simulator.noise
+    return name
+
+
+def _keep(record: EpisodeRecord, path: Path) -> None:
+    from sonar_explore.reports.study import write_packed_report
+
+    save_record_packed(record, record_path(path))
+    write_packed_report(record, report_path(path))
+
+
+def _one_line(error: Exception) -> str:
+    """Type, message and place."""
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
+    return " ".join(f"{type(error).__name__}: {error}{place}".split())
