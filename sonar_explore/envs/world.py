@@ -1,13 +1,14 @@
 """The world: straight specular walls, round columns and the place where the robot starts.
 
-`load_world` takes the name of a shipped world (`paper/rooms`) or a file, which the reader for its suffix
-turns into a `World`. Every reader ends in `validate`, so that a `World` in hand is one a robot can drive in.
-Formats and the shipped worlds: docs/worlds.md.
+`load_world` takes the name of a shipped world (`paper/rooms`) or of a generated one (`generated/office-17`),
+or a file, which the reader for its suffix turns into a `World`. Every reader ends in `validate`, so that a
+`World` in hand is one a robot can drive in. Formats and the shipped worlds: docs/worlds.md.
 """
 
 from __future__ import annotations
 
 import importlib
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,6 +17,7 @@ import numpy as np
 from scipy import ndimage
 
 from sonar_explore.amigobot import AmigoBot
+from sonar_explore.envs.room import bounds_of, near, room_for
 from sonar_explore.errors import SonarExploreError, unknown_name
 from sonar_explore.geometry import Array, Pose
 
@@ -25,21 +27,44 @@ MAX_COORDINATE_M = 1e8
 """Farther from the origin a double no longer resolves the robot's motion, [m]."""
 MAX_WALLS = 20_000
 MAX_CYLINDERS = 5_000
+MAX_WALL_LENGTH_M = 50_000.0
+"""Of all walls and columns together; a building of 1,000 m2 has about one kilometre."""
+MAX_FILE_BYTES = 64 * 2**20
 MIN_WALL_M = 1e-6
 """Shorter walls are dropped, [m]."""
 MIN_REACH_M = 0.3
 """A start from which the robot cannot get this far away is shut in, [m]."""
 
+GENERATED = "generated/"
+"""What the names of generated worlds begin with."""
 _SHIPPED = Path(__file__).parent / "worlds"
 _CHUNK = 1_000_000
 _SEARCH_STEP_M = 0.05
+_MOST_POCKETS = 40
 
-# One reader a file, imported when its suffix is met: only the image reader needs scikit-image.
+# One reader a file, imported when its suffix is met: only drawings need scikit-image.
 _READERS = {
     ".toml": "sonar_explore.envs.readers.toml_world:read_toml",
+    ".json": "sonar_explore.envs.readers.houseexpo:read_houseexpo",
+    ".yaml": "sonar_explore.envs.readers.ros_map:read_ros_map",
+    ".yml": "sonar_explore.envs.readers.ros_map:read_ros_map",
+    ".map": "sonar_explore.envs.readers.mobilesim:read_mobilesim",
+    ".svg": "sonar_explore.envs.readers.svg:read_svg",
     ".png": "sonar_explore.envs.readers.image:read_image",
     ".pgm": "sonar_explore.envs.readers.image:read_image",
 }
+_UNSCALED = (".svg", ".png", ".pgm")
+"""Formats that may leave it to the reader what one unit is."""
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """What a caller may say about a file that the file leaves open."""
+
+    start: Pose | None = None
+    """`pose_robot_in_world`; None takes the file's own, or the roomiest place."""
+    resolution_m: float | None = None
+    """Metres per pixel of an image, or per user unit of an SVG."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +89,7 @@ class World:
     @property
     def bounds(self) -> tuple[float, float, float, float]:
         """(x_min, y_min, x_max, y_max) of walls and cylinders, [m]."""
-        centres, radii = self.cylinders[:, :2], self.cylinders[:, 2:]
-        points = np.concatenate([self.walls[:, :2], self.walls[:, 2:], centres - radii, centres + radii])
-        (x_min, y_min), (x_max, y_max) = points.min(axis=0), points.max(axis=0)
-        return float(x_min), float(y_min), float(x_max), float(y_max)
+        return bounds_of(self.walls, self.cylinders)
 
     def clearance(self, points: Array) -> Array:
         """Distance of points (n, 2) to the nearest wall or cylinder, [m]; negative inside a cylinder."""
@@ -95,36 +117,73 @@ def shipped_worlds() -> tuple[str, ...]:
     return tuple(sorted(p.relative_to(_SHIPPED).with_suffix("").as_posix() for p in _SHIPPED.rglob("*.toml")))
 
 
-def load_world(name_or_path: str | Path) -> World:
-    """The shipped world of that name, or the world in that file.
+def load_world(
+    name_or_path: str | Path, start: Pose | None = None, resolution_m: float | None = None
+) -> World:
+    """The shipped or generated world of that name, or the world in that file.
+
+    `start` and `resolution_m` say what a file leaves open, or put the robot elsewhere. Both fit into a name:
+    `plan.png?resolution=0.02&start=1.5,2,90` (metres, degrees).
 
     >>> load_world("paper/corridor").title
     'A straight corridor'
     """
-    if str(name_or_path) in shipped_worlds():
-        world = _reader(".toml")(_SHIPPED / f"{name_or_path}.toml")
-        return replace(world, name=str(name_or_path))
-    path = Path(name_or_path)
-    if path.suffix.lower() in _READERS:
-        return _reader(path.suffix.lower())(path)
+    name, options = _split_options(name_or_path)
+    if name.startswith(GENERATED):
+        from sonar_explore.envs.generator import generate_by_name
+
+        world = generate_by_name(name, options)
+        return world if start is None else validate(replace(world, start=start))
+    given = _read_options(name, options)
+    given = ReadOptions(start or given.start, given.resolution_m if resolution_m is None else resolution_m)
+    if name in shipped_worlds():
+        world = _reader(".toml")(_SHIPPED / f"{name}.toml", ReadOptions(given.start))
+        return replace(world, name=name)
+    path = Path(name)
+    suffix = path.suffix.lower()
+    if suffix in _READERS:
+        if given.resolution_m is not None and suffix not in _UNSCALED:
+            raise SonarExploreError(f"{path.name}: the file says its own scale; it takes no resolution")
+        return _reader(suffix)(path, given)
     if path.is_file():
         raise SonarExploreError(
             f"{path.name}: no reader for files that end in {path.suffix!r}; known: {', '.join(_READERS)}"
         )
-    known = unknown_name("world", name_or_path, shipped_worlds())
-    raise SonarExploreError(f"{known}, or a file that ends in {', '.join(_READERS)}")
+    known = unknown_name("world", name, shipped_worlds())
+    raise SonarExploreError(f"{known}, {GENERATED}..., or a file that ends in {', '.join(_READERS)}")
 
 
-def read_bytes(path: Path) -> bytes:
+def is_generator(name: object) -> bool:
+    """Whether the name stands for ever new worlds: `generated/office`, and not `generated/office-17`."""
+    if not isinstance(name, str) or not name.startswith(GENERATED):
+        return False
+    from sonar_explore.envs.generator import parse_name
+
+    return parse_name(*_split_options(name)).seed is None
+
+
+def draw_world(name: str, rng: np.random.Generator) -> World:
+    """A new world of a generator; its own name, with the seed, brings it back."""
+    from sonar_explore.envs.generator import draw
+
+    return draw(*_split_options(name), rng)
+
+
+def read_bytes(path: Path, limit: int = MAX_FILE_BYTES) -> bytes:
     """The bytes of a world file; the errors of the file system in one line."""
     try:
-        data = path.read_bytes()
+        if path.exists() and not path.is_file():
+            raise SonarExploreError(f"cannot read the world file {str(path)!r}: it is no plain file")
+        with path.open("rb") as file:
+            data = file.read(limit + 1)
     except FileNotFoundError:
         shipped = ", ".join(shipped_worlds())
         raise SonarExploreError(f"no world file {str(path)!r}; shipped: {shipped}") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise SonarExploreError(f"cannot read the world file {str(path)!r}: {reason}") from None
+    if len(data) > limit:
+        raise SonarExploreError(f"{path.name}: the file is larger than {limit / 2**20:g} MiB")
     if not data.strip():
         raise SonarExploreError(f"{path.name}: the world file is empty")
     return data
@@ -132,17 +191,50 @@ def read_bytes(path: Path) -> bytes:
 
 def validate(world: World) -> World:
     """The world less its walls of no length, or an error that says what is wrong with it."""
-    _check_numbers(world)
-    long_enough = np.hypot(*(world.walls[:, 2:] - world.walls[:, :2]).T) > MIN_WALL_M
-    world = replace(world, walls=world.walls[long_enough], roughness=world.roughness[long_enough])
-    _check_extent(world)
+    world = validate_walls(world)
     _check_start(world)
     return world
 
 
-def _reader(suffix: str) -> Callable[[Path], World]:
+def validate_walls(world: World) -> World:
+    """The same for the walls and columns alone, before there is a start."""
+    _check_numbers(world)
+    long_enough = np.hypot(*(world.walls[:, 2:] - world.walls[:, :2]).T) > MIN_WALL_M
+    world = replace(world, walls=world.walls[long_enough], roughness=world.roughness[long_enough])
+    _check_extent(world)
+    return world
+
+
+def _split_options(name_or_path: str | Path) -> tuple[str, dict[str, str]]:
+    """`name?key=value&...` as its name and options; a file that is really called so keeps its name."""
+    text = str(name_or_path)
+    name, mark, tail = text.rpartition("?")
+    if not mark or isinstance(name_or_path, Path):
+        return text, {}
+    pairs = [part.partition("=") for part in tail.split("&")]
+    if not all(key and equals for key, equals, _ in pairs):
+        raise SonarExploreError(f"{text!r}: options look like ?resolution=0.02&start=1.5,2,90")
+    return name, {key: value for key, _, value in pairs}
+
+
+def _read_options(name: str, options: dict[str, str]) -> ReadOptions:
+    for key in options:
+        if key not in ("resolution", "start"):
+            raise SonarExploreError(f"{name}: {unknown_name('option', key, ('resolution', 'start'))}")
+    try:
+        resolution = float(options["resolution"]) if "resolution" in options else None
+        numbers = [float(n) for n in options["start"].split(",")] if "start" in options else []
+    except ValueError:
+        raise SonarExploreError(f"{name}: an option that is no number: {options}") from None
+    if numbers and len(numbers) not in (2, 3):
+        raise SonarExploreError(f"{name}: start is x,y or x,y,degrees; got {options['start']!r}")
+    start = Pose(numbers[0], numbers[1], math.radians(([*numbers, 0.0])[2])) if numbers else None
+    return ReadOptions(start, resolution)
+
+
+def _reader(suffix: str) -> Callable[[Path, ReadOptions], World]:
     module, _, function = _READERS[suffix].partition(":")
-    reader: Callable[[Path], World] = getattr(importlib.import_module(module), function)
+    reader: Callable[[Path, ReadOptions], World] = getattr(importlib.import_module(module), function)
     return reader
 
 
@@ -184,6 +276,12 @@ def _check_extent(world: World) -> None:
         raise SonarExploreError(
             f"{world.name}: {extent:.3g} m across; at most {MAX_EXTENT_M:.0f} m is possible (unit: metres)"
         )
+    length = float(np.hypot(*(world.walls[:, 2:] - world.walls[:, :2]).T).sum())
+    length += float(2 * np.pi * world.cylinders[:, 2].sum())
+    if length > MAX_WALL_LENGTH_M:
+        raise SonarExploreError(
+            f"{world.name}: {length / 1000:.3g} km of wall; at most {MAX_WALL_LENGTH_M / 1000:g} km is possible"
+        )
 
 
 def _check_start(world: World) -> None:
@@ -219,30 +317,35 @@ def nearest_free_place(world: World) -> tuple[float, float] | None:
     """The place nearest to the start where the robot fits and can drive away, (x, y) [m], within 5 m."""
     x_min, y_min, x_max, y_max = world.bounds
     x0, y0 = float(np.clip(world.start.x, x_min, x_max)), float(np.clip(world.start.y, y_min, y_max))
-    places = _square(x0, y0, 5.0, 2 * _SEARCH_STEP_M).reshape(-1, 2)
-    inside = (places >= (x_min, y_min)).all(axis=1) & (places <= (x_max, y_max)).all(axis=1)
-    places = places[inside]
-    places = places[world.clearance(places) >= AmigoBot.radius_m + _SEARCH_STEP_M]
+    box = (max(x_min, x0 - 5), max(y_min, y0 - 5), min(x_max, x0 + 5), min(y_max, y0 + 5))
+    room = room_for(world.walls, world.cylinders, box, _SEARCH_STEP_M)
+    places = room.places(*np.nonzero(room.fits(AmigoBot.radius_m + _SEARCH_STEP_M)))
     order = np.argsort(np.hypot(places[:, 0] - x0, places[:, 1] - y0), kind="stable")
-    for x, y in places[order[:200]].tolist():
+    shut_in, pockets = np.zeros(room.clearance.shape, dtype=bool), 0
+    for x, y in places[order].tolist():
+        if shut_in[room.cell(x, y)]:
+            continue
         if _reach(world, x, y) >= MIN_REACH_M:
             return x, y
+        shut_in |= room.reachable(x, y, AmigoBot.radius_m)
+        pockets += 1
+        if pockets == _MOST_POCKETS:
+            break
     return None
 
 
 def _reach(world: World, x: float, y: float) -> float:
     """How far the robot can get from (x, y), measured up to twice MIN_REACH_M away, [m]."""
-    places = _square(x, y, 2 * MIN_REACH_M, _SEARCH_STEP_M / 2)
-    free = world.clearance(places.reshape(-1, 2)).reshape(places.shape[:2]) >= AmigoBot.radius_m
+    half = 2 * MIN_REACH_M
+    box = (x - half, y - half, x + half, y + half)
+    walls, cylinders = near(world.walls, world.cylinders, box, AmigoBot.radius_m)
+    count = round(2 * half / _SEARCH_STEP_M)
+    offsets = np.arange(-count, count + 1) * (_SEARCH_STEP_M / 2)
+    places = np.stack(np.meshgrid(x + offsets, y + offsets), axis=-1)
+    nearby = replace(world, walls=walls, cylinders=cylinders)
+    free = nearby.clearance(places.reshape(-1, 2)).reshape(places.shape[:2]) >= AmigoBot.radius_m
     labels, _ = ndimage.label(free)
-    middle = labels[labels.shape[0] // 2, labels.shape[1] // 2]
+    middle = labels[count, count]
     if middle == 0:
         return 0.0
     return float(np.hypot(*(places[labels == middle] - (x, y)).T).max())
-
-
-def _square(x: float, y: float, half_side: float, step: float) -> Array:
-    """Places about (x, y), which is the middle one, shape (k, k, 2), [m]."""
-    count = round(half_side / step)
-    offsets = np.arange(-count, count + 1) * step
-    return np.stack(np.meshgrid(x + offsets, y + offsets), axis=-1)

@@ -15,7 +15,8 @@ from scipy import ndimage
 from skimage.draw import disk, polygon
 from skimage.measure import find_contours
 
-from sonar_explore.envs.readers.image import _brightness, load_image_world, straighten
+from sonar_explore.envs.readers.bitmap import straighten
+from sonar_explore.envs.readers.image import brightness, load_image_world
 from sonar_explore.envs.world import World, load_world
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Pose
@@ -132,7 +133,7 @@ def test_threshold_says_what_is_free(tmp_path: Path) -> None:
     assert load_image_world(path, threshold=200).bounds[2] == pytest.approx(4.5)
 
 
-def test_colour_and_transparency_read_as_brightness(tmp_path: Path) -> None:
+def test_colour_and_transparency_read_asbrightness(tmp_path: Path) -> None:
     grey = drawing()
     colour = np.dstack([grey, grey, grey, np.full_like(grey, 255)])
     colour[10:70, 60:90] = (0, 0, 0, 0)
@@ -210,5 +211,5 @@ DATA = os.environ.get("SONAR_EXPLORE_DATA", "")
 def test_a_real_plan_reads_within_two_pixels_everywhere(plan: str) -> None:
     path = Path(DATA) / "plans" / f"{plan}.png"
     world = load_world(path)
-    assert deviation_px(world, _brightness(path)) <= 2.0
+    assert deviation_px(world, brightness(path)) <= 2.0
     assert len(world.walls) <= 800

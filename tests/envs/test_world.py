@@ -157,7 +157,7 @@ def test_walls_of_no_length_are_dropped(tmp_path: Path) -> None:
         (
             "x = 1.0",
             "x = 0.1",
-            "is 0.10 m from a wall or cylinder; the robot needs 0.18 m; free: (0.30, 1.00)",
+            "is 0.10 m from a wall or cylinder; the robot needs 0.18 m; free: (0.25, 1.00)",
         ),
         ("x = 1.0", "x = 40.0", "lies outside the walls"),
         ("[[0, 0], [3, 0], [3, 3], [0, 3]]", "[[0, 0]]", "length >= 2 - at `$.wall[0].points`"),
@@ -190,7 +190,7 @@ def test_a_start_inside_a_column_is_refused(tmp_path: Path) -> None:
 def test_an_unknown_name_lists_the_known_ones() -> None:
     assert error_of("foor") == (
         "unknown world 'foor'; known: paper/bend, paper/corridor, paper/loop, paper/open-loop, paper/rooms, "
-        "or a file that ends in .toml, .png, .pgm"
+        "generated/..., or a file that ends in .toml, .json, .yaml, .yml, .map, .svg, .png, .pgm"
     )
 
 

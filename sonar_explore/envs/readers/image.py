@@ -1,49 +1,31 @@
-"""A drawn floor plan, PNG or PGM: bright is free, dark is wall; its edges become few, long, straight walls.
-
-A sonar hears planes, and a staircase of pixels is none. The edge of the free space is therefore cut into
-runs that stay within about half a pixel of a straight line, each run becomes the line fitted to it, and
-neighbouring lines meet where they cross. Specks too small to tell their shape become round columns.
-"""
+"""A drawn floor plan, PNG or PGM: bright is free, dark is wall."""
 
 from __future__ import annotations
 
 import io
 import warnings
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import shapely
 import skimage.color
 import skimage.io
-from numpy.typing import NDArray
-from scipy import ndimage
-from skimage.measure import find_contours
 
-from sonar_explore.amigobot import AmigoBot
-from sonar_explore.envs.world import World, read_bytes, validate
+from sonar_explore.envs.readers.bitmap import Bitmap, bitmap_world
+from sonar_explore.envs.world import ReadOptions, World, read_bytes
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, Pose
-
-Mask = NDArray[np.bool_]
 
 DEFAULT_RESOLUTION_M = 0.05
 DEFAULT_THRESHOLD = 210
 """Brighter pixels are free, 0 to 255; just above 205, the grey that map servers draw for unknown."""
-MAX_PIXELS = 50_000_000
+MAX_PIXELS = 16_000_000
 _MAGIC = (b"\x89PNG", b"P2", b"P5")
-RUN_TOLERANCE_PX = 0.7
-"""How far the edge of the drawing may lie from the line fitted to it."""
-SPECK_PX = 3.0
-"""Up to this size a drawing cannot tell round from square: a column, heard from all sides."""
-GENEROUS_CLEARANCE_M = 1.0
-"""More room about the start than this is no better."""
-_MAX_CORNER_SHIFT_PX = 1.5
 
 
-def read_image(path: Path) -> World:
-    """The world in a drawing of 0.05 m per pixel."""
-    return load_image_world(path)
+def read_image(path: Path, options: ReadOptions) -> World:
+    """The world in a drawing of 0.05 m per pixel, unless said otherwise."""
+    resolution = DEFAULT_RESOLUTION_M if options.resolution_m is None else options.resolution_m
+    return load_image_world(path, resolution, options.start)
 
 
 def load_image_world(
@@ -52,37 +34,18 @@ def load_image_world(
     start: Pose | None = None,
     threshold: float = DEFAULT_THRESHOLD,
 ) -> World:
-    """The world in a drawing: row 0 on top, the world's origin at the lower left corner of the image.
-
-    Only the free space that holds the start becomes a world, and the edge of the image is a wall. Without
-    a start, it is the largest free space of the drawing that does not run off the image, and the robot
-    starts where it has most room (up to 1 m), as near to the middle as that allows.
-    """
+    """The world in a drawing: row 0 on top, the world's origin at the lower left corner of the image."""
     path = Path(path)
-    if not resolution_m > 0.0:
-        raise SonarExploreError(f"{path.name}: resolution {resolution_m} m per pixel; it must be above 0")
-    free = _brightness(path) > threshold
+    free = brightness(path) > threshold
     if not free.any() or free.all():
         what = "brighter" if not free.any() else "as dark or darker"
         raise SonarExploreError(
             f"{path.name}: no pixel is {what} than the threshold {threshold:g} of 0 to 255"
         )
-    component, start = _component(path, free, resolution_m, start)
-    outline = _trace(component, resolution_m)
-    return validate(
-        World(
-            name=path.stem,
-            title=f"Floor plan {path.name}",
-            walls=outline.walls,
-            roughness=np.zeros(len(outline.walls)),
-            cylinders=outline.cylinders,
-            start=start,
-            has_loop=_has_loop(component, resolution_m, start),
-        )
-    )
+    return bitmap_world(Bitmap(path.name, free, resolution_m), f"Floor plan {path.name}", start)
 
 
-def _brightness(path: Path) -> Array:
+def brightness(path: Path) -> Array:
     """Grey values 0 to 255, shape (rows, columns); what is transparent shows white paper."""
     data = read_bytes(path)
     if not data.startswith(_MAGIC):
@@ -102,186 +65,3 @@ def _brightness(path: Path) -> Array:
     alpha = levels[..., -1] if levels.shape[2] in (2, 4) else np.ones(levels.shape[:2])
     grey = skimage.color.rgb2gray(levels[..., :3]) if levels.shape[2] >= 3 else levels[..., 0]
     return 255.0 * (alpha * grey + 1.0 - alpha)
-
-
-def _component(path: Path, free: Mask, resolution_m: float, start: Pose | None) -> tuple[Mask, Pose]:
-    """The free space that holds the start, and the start."""
-    labels, _ = ndimage.label(free)
-    if start is None:
-        label = _largest_room(labels, free, resolution_m)
-        if label == 0:
-            raise SonarExploreError(
-                f"{path.name}: no free space wide enough for the robot at {resolution_m:g} m per pixel"
-            )
-        component = labels == label
-        return component, _best_start(component, resolution_m)
-    rows = free.shape[0]
-    row, col = int(np.floor(rows - start.y / resolution_m)), int(np.floor(start.x / resolution_m))
-    if not (0 <= row < rows and 0 <= col < free.shape[1]):
-        raise SonarExploreError(
-            f"{path.name}: the start ({start.x:.2f}, {start.y:.2f}) is outside the image, which spans "
-            f"{free.shape[1] * resolution_m:.2f} x {rows * resolution_m:.2f} m"
-        )
-    if labels[row, col] == 0:
-        best = _best_start(labels == _largest_room(labels, free, resolution_m), resolution_m)
-        raise SonarExploreError(
-            f"{path.name}: the start ({start.x:.2f}, {start.y:.2f}) is inside a wall; "
-            f"free: ({best.x:.2f}, {best.y:.2f})"
-        )
-    return labels == labels[row, col], start
-
-
-def _largest_room(labels: NDArray[np.int32], free: Mask, resolution_m: float) -> int:
-    """Label of the free space with most room for the robot; 0 where it fits nowhere.
-
-    What runs off the image is the paper about the building, unless the building itself is open.
-    """
-    fits = labels[_clearance(free, resolution_m) >= AmigoBot.radius_m]
-    areas = np.bincount(fits, minlength=int(labels.max()) + 1)
-    areas[0] = 0
-    rim = np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]]))
-    inner = areas.copy()
-    inner[rim] = 0
-    best = inner if inner.max() >= areas.max() / 10 else areas
-    return int(best.argmax()) if best.max() > 0 else 0
-
-
-def _best_start(component: Mask, resolution_m: float) -> Pose:
-    clearance = _clearance(component, resolution_m)
-    places = np.argwhere(clearance >= min(GENEROUS_CLEARANCE_M, 0.9 * clearance.max()))
-    middle = np.argwhere(component).mean(axis=0)
-    row, col = places[np.hypot(*(places - middle).T).argmin()]
-    return Pose(
-        float(col + 0.5) * resolution_m, float(component.shape[0] - row - 0.5) * resolution_m, heading=0.0
-    )
-
-
-def _clearance(free: Mask, resolution_m: float) -> Array:
-    """Distance of each pixel's middle to the edge of the free space, within about half a pixel, [m]."""
-    padded: Array = ndimage.distance_transform_edt(np.pad(free, 1))
-    return (padded[1:-1, 1:-1] - 0.5) * resolution_m
-
-
-def _has_loop(component: Mask, resolution_m: float, start: Pose) -> bool:
-    """Whether the robot can drive round something larger than a table, 1 m2."""
-    labels, _ = ndimage.label(_clearance(component, resolution_m) >= AmigoBot.radius_m)
-    row, col = int(component.shape[0] - start.y / resolution_m), int(start.x / resolution_m)
-    if labels[row, col] == 0:
-        return False
-    reachable = labels == labels[row, col]
-    holes, _ = ndimage.label(ndimage.binary_fill_holes(reachable) & ~reachable)
-    return bool(np.bincount(holes.ravel())[1:].max(initial=0) * resolution_m**2 >= 1.0)
-
-
-@dataclass(frozen=True)
-class _Outline:
-    walls: Array
-    cylinders: Array
-
-
-def _trace(component: Mask, resolution_m: float) -> _Outline:
-    """The edges of the free space as straight walls and columns, in the world frame."""
-    rows = component.shape[0]
-    walls, cylinders = [np.empty((0, 4))], [np.empty((0, 3))]
-    # The midpoints of the pixel edges between free and wall; wall pixels that touch by a corner are one wall.
-    for contour in find_contours(np.pad(component, 1).astype(float), 0.5, fully_connected="low"):
-        ring = np.column_stack([contour[:-1, 1] - 0.5, rows - (contour[:-1, 0] - 0.5)])
-        size = np.ptp(ring, axis=0)
-        if size.max() <= SPECK_PX:
-            middle, radius = ring.min(axis=0) + size / 2, np.sqrt(size.prod() / np.pi)
-            cylinders.append(np.array([[*middle, radius]]))
-        else:
-            corners = straighten(ring)
-            walls.append(np.hstack([corners, np.roll(corners, -1, axis=0)]))
-    return _Outline(np.concatenate(walls) * resolution_m, np.concatenate(cylinders) * resolution_m)
-
-
-def straighten(ring: Array, tolerance: float = RUN_TOLERANCE_PX) -> Array:
-    """Corners (k, 2) of the polygon of few straight sides that follows a closed ring of points (n, 2)."""
-    ring = _start_at_corner(ring)
-    ends = _corner_indices(ring, tolerance)
-    ends = _merge_runs(ring, ends, tolerance)
-    if len(ends) < 3:
-        return ring[_corner_indices(ring, tolerance)]
-    lines = [_fit(ring, i, j) for i, j in zip(ends, [*ends[1:], ends[0] + len(ring)], strict=True)]
-    return np.array(
-        [_meet(lines[k - 1], lines[k], ring[end % len(ring)]) for k, end in enumerate(ends)], dtype=float
-    )
-
-
-def _start_at_corner(ring: Array) -> Array:
-    """The ring turned to start at its outermost point: Douglas-Peucker always keeps the first."""
-    far = int(np.hypot(*(ring - ring.mean(axis=0)).T).argmax())
-    return np.roll(ring, -far, axis=0)
-
-
-def _corner_indices(ring: Array, tolerance: float) -> list[int]:
-    """Indices of the ring's points that Douglas-Peucker keeps."""
-    closed = np.vstack([ring, ring[:1]])
-    half = int(np.hypot(*(ring - ring[0]).T).argmax())
-    kept: list[int] = []
-    for first, last in ((0, half), (half, len(ring))):
-        line = shapely.LineString(closed[first : last + 1])
-        points = shapely.get_coordinates(line.simplify(tolerance, preserve_topology=False))
-        kept += _indices_of(closed[first : last + 1], points[:-1], first)
-    return kept
-
-
-def _indices_of(points: Array, subset: Array, offset: int) -> list[int]:
-    """Where an ordered subset of distinct points stands among them."""
-    at = {(x, y): i for i, (x, y) in enumerate(points.tolist())}
-    if (first := tuple(points[0].tolist())) in at:
-        at[first] = 0
-    return [at[x, y] + offset for x, y in subset.tolist()]
-
-
-def _merge_runs(ring: Array, ends: list[int], tolerance: float) -> list[int]:
-    """Drop, best first, the corners between two runs that one straight line fits as well."""
-    n, ends = len(ring), list(ends)
-
-    def misfit(k: int) -> float:
-        i, j = ends[k - 1], ends[(k + 1) % len(ends)]
-        i, j = (i - n if k == 0 else i), (j + n if k == len(ends) - 1 else j)
-        turned_back = (ring[ends[k]] - ring[i % n]) @ (ring[j % n] - ring[ends[k]]) <= 0.0
-        return np.inf if turned_back else _fit_error(ring, i, j)  # both sides of a thin wall are no one run
-
-    errors = [misfit(k) for k in range(len(ends))]
-    while len(ends) > 3 and min(errors) <= tolerance:
-        k = int(np.argmin(errors))
-        del ends[k], errors[k]
-        for neighbour in {(k - 1) % len(ends), k % len(ends)}:
-            errors[neighbour] = misfit(neighbour)
-    return ends
-
-
-_Line = tuple[Array, Array]
-"""A point and the unit direction."""
-
-
-def _fit(ring: Array, i: int, j: int) -> _Line:
-    """The line of least squared distances to the points i to j of the ring, less those at rounded corners."""
-    points = ring[np.arange(i, j + 1) % len(ring)]
-    if len(points) > 4:
-        points = points[1:-1]
-    middle = points.mean(axis=0)
-    _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
-    return middle, axes[0]
-
-
-def _fit_error(ring: Array, i: int, j: int) -> float:
-    middle, direction = _fit(ring, i, j)
-    offsets = ring[np.arange(i + 1, j) % len(ring)] - middle
-    return float(np.abs(offsets[:, 0] * direction[1] - offsets[:, 1] * direction[0]).max(initial=0.0))
-
-
-def _meet(before: _Line, after: _Line, corner: Array) -> Array:
-    """Where two lines cross; where that is far from the drawn corner, the corner drawn onto both."""
-    (p, d), (q, e) = before, after
-    cross = d[0] * e[1] - d[1] * e[0]
-    if abs(cross) > 1e-3:
-        offset = q - p
-        crossing: Array = p + d * (offset[0] * e[1] - offset[1] * e[0]) / cross
-        if np.hypot(*(crossing - corner)) <= _MAX_CORNER_SHIFT_PX:
-            return crossing
-    on_both: Array = 0.5 * (p + d * ((corner - p) @ d) + q + e * ((corner - q) @ e))
-    return on_both

@@ -10,10 +10,11 @@ import msgspec
 import numpy as np
 import shapely
 
-from sonar_explore.envs.world import World, read_bytes, validate
+from sonar_explore.envs.world import ReadOptions, World, read_bytes, validate
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, Pose
 
+MAX_BYTES = 2 * 2**20
 Point = tuple[float, float]
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Length = Annotated[float, msgspec.Meta(gt=0.0)]
@@ -71,13 +72,21 @@ class WorldFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     door: list[Door] = []
 
 
-def read_toml(path: Path) -> World:
+def read_toml(path: Path, options: ReadOptions) -> World:
     """The world in a file of the native format."""
+    data = read_bytes(path, MAX_BYTES)
     try:
-        file = msgspec.toml.decode(read_bytes(path), type=WorldFile)
+        file = msgspec.toml.decode(data, type=WorldFile)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise SonarExploreError(f"{path.name}: {' '.join(str(error).split())}") from None
-    _check_outside(path, file)
+    except (
+        RecursionError,
+        ValueError,
+        OverflowError,
+    ):  # tables a thousand deep, numbers a thousand digits long
+        raise SonarExploreError(f"{path.name}: nested too deeply, or a number too long") from None
+    start = options.start or Pose(file.start.x, file.start.y, math.radians(file.start.heading_deg))
+    _check_outside(path, file, start)
     walls, roughness = _walls(file)
     return validate(
         World(
@@ -86,7 +95,7 @@ def read_toml(path: Path) -> World:
             walls=walls,
             roughness=roughness,
             cylinders=np.array([(c.x, c.y, c.radius) for c in file.cylinder], dtype=float).reshape(-1, 3),
-            start=Pose(file.start.x, file.start.y, math.radians(file.start.heading_deg)),
+            start=start,
             has_loop=file.has_loop,
         )
     )
@@ -113,14 +122,21 @@ def _leaf(door: Door) -> Array:
     return np.array([[x, y, x + door.width * math.cos(angle), y + door.width * math.sin(angle)]])
 
 
-def _check_outside(path: Path, file: WorldFile) -> None:
+def _check_outside(path: Path, file: WorldFile, start: Pose) -> None:
     """A polygon is solid: nobody starts inside one."""
-    start = (file.start.x, file.start.y)
+    place = (start.x, start.y)
     for i, polygon in enumerate(file.polygon):
-        if np.isfinite([*polygon.points, start]).all() and shapely.contains_xy(
-            shapely.make_valid(shapely.Polygon(polygon.points)), *start
+        if np.isfinite([*polygon.points, place]).all() and shapely.contains_xy(
+            shapely.make_valid(shapely.Polygon(polygon.points)), *place
         ):
             raise SonarExploreError(
-                f"{path.name}: the start ({start[0]:.2f}, {start[1]:.2f}) is inside the solid polygon[{i}]; "
+                f"{path.name}: the start ({start.x:.2f}, {start.y:.2f}) is inside the solid polygon[{i}]; "
                 "move the start, or draw a [[wall]] with closed = true for a room"
             )
+
+
+def world_schema() -> bytes:
+    """The JSON Schema of the format, for editors; shipped as `world.schema.json` beside this file."""
+    schema = msgspec.json.schema(WorldFile)
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "World", **schema}
+    return msgspec.json.format(msgspec.json.encode(schema), indent=2) + b"\n"
