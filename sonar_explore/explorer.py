@@ -20,6 +20,7 @@ from sonar_explore.slam import Chain, ScanUpdate, Slam
 
 MIN_FRONTIER_M = 0.15
 MAX_REPLANS = 4
+BACK_OFF_M_S, BACK_OFF_TICKS = 0.1, 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +152,8 @@ class Explorer:
                 end = end if leg is path else DriveEnd.UNDERWAY
                 break
             self._remember_shut(report)
+            if end is DriveEnd.BUMPED:  # nobody knows where the body touched: look before going on
+                break
         if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED):
             self._put_aside.append((candidate.x, candidate.y))
         here = self.pose()
@@ -206,5 +209,5 @@ class Explorer:
         assert report.obstacle is not None
         self._shut.append(shut_at(here, report.obstacle))
         if report.end is DriveEnd.BUMPED:  # back off, the way the body came
-            for _ in range(8):
-                self._robot.tick(-0.1, 0.0)
+            for _ in range(BACK_OFF_TICKS):
+                self._robot.tick(-BACK_OFF_M_S, 0.0)

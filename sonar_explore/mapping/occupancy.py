@@ -55,6 +55,11 @@ class MappingConfig:
     """Evidence of a corner or an edge for its cell."""
     core_weight: float = 1.0
     """Evidence of one certain sector against a wall."""
+    fresh_scans: int = 4
+    """What the last scans saw stands where they saw it, whatever older ones say: the pose drifts, the walls near
+    by are where they are."""
+    fresh_weight: float = 100.0
+    """Extra evidence of a wall feature of those scans."""
     body_weight: float = 4.0
     """Evidence against a wall where the body has been."""
 
@@ -165,6 +170,8 @@ class OccupancyMapper:
         walls = walls[~pivots]
         wall_evidence = np.zeros(frame.shape)
         mark_segments(frame, wall_evidence, walls, cfg.wall_weight)
+        fresh = scan[~pivots] >= len(looks) - cfg.fresh_scans
+        mark_segments(frame, wall_evidence, walls[fresh], cfg.fresh_weight)
         points = np.vstack([feet, *(p.transform(look.points) for p, look in zip(poses, looks, strict=True))])
         _add_cells(frame, wall_evidence, points, cfg.point_weight)
         core = np.zeros(frame.shape)
