@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 from markupsafe import Markup, escape
 
+from sonar_explore.reports.charts import ticks
+
 WIDTH = 640
 LEFT, RIGHT, TOP, BOTTOM = 74, 22, 10, 40  # margins of the plot, [units]
 LANE = 74  # height of one arm, [units]
@@ -192,8 +194,9 @@ class Spot:
 
 def small_multiple(title: str, x_label: str, spots: Sequence[Spot], top: float | None, style: str) -> Markup:
     """Values of one option side by side, evenly spaced; the default is filled. `top` None fits the values."""
-    width, height, left, bottom, right, head = 300, 150, 40, 34, 10, 10
-    highest = top or 1.1 * max((s.high for s in spots), default=1.0) or 1.0
+    width, height, left, bottom, right, head = 300, 156, 44, 40, 10, 10
+    values = ticks(top or max((s.high for s in spots), default=1.0), 4)
+    highest = values[-1]
     step = (width - left - right) / max(1, len(spots))
 
     def y(value: float) -> float:
@@ -202,8 +205,8 @@ def small_multiple(title: str, x_label: str, spots: Sequence[Spot], top: float |
     parts = [
         f'<svg class="multiple {style}" viewBox="0 0 {width} {height}" role="img" aria-label="{escape(title)}">'
     ]
-    for value in (0.0, highest / 2, highest):
-        text = f"{100 * value:.0f} %" if top else f"{value:.2g}"
+    for value in values:
+        text = f"{100 * value:.0f} %" if top else f"{value:g}"
         parts.append(
             f'<line class="rule" x1="{left}" x2="{width - right}" y1="{y(value):g}" y2="{y(value):g}"/>'
             f'<text class="tick" x="{left - 5}" y="{y(value) + 4:g}" text-anchor="end">{text}</text>'
@@ -216,7 +219,7 @@ def small_multiple(title: str, x_label: str, spots: Sequence[Spot], top: float |
         parts.append(
             f'<line class="error" x1="{x:g}" x2="{x:g}" y1="{y(spot.low):g}" y2="{y(spot.high):g}"/>'
             f'<circle class="{kind}" cx="{x:g}" cy="{y(spot.value):g}" r="4"/>'
-            f'<text class="tick" x="{x:g}" y="{height - bottom + 14}" text-anchor="middle">{escape(spot.label)}</text>'
+            f'<text class="tick" x="{x:g}" y="{height - bottom + 18}" text-anchor="middle">{escape(spot.label)}</text>'
         )
     middle = (left + width - right) / 2
     parts.append(

@@ -65,9 +65,9 @@ def _error_words(sweep: Sweep, points: Sequence[Point]) -> str:
         return ""
     best, worst = min(known, key=lambda k: k[1]), max(known, key=lambda k: k[1])
     if best[0].row.position_error_m.high >= worst[0].row.position_error_m.low:  # type: ignore[union-attr]
-        return f"The median final error stays between {best[1]:.2f} and {worst[1]:.2f} m."
+        return f"The median final error stays between {best[1]:.3f} and {worst[1]:.3f} m."
     return (
-        f"The median final error is {best[1]:.2f} m at {_text(sweep, best[0].value)} and {worst[1]:.2f} m at "
+        f"The median final error is {best[1]:.3f} m at {_text(sweep, best[0].value)} and {worst[1]:.3f} m at "
         f"{_text(sweep, worst[0].value)}."
     )
 
