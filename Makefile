@@ -5,8 +5,9 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 WORLD ?= paper/rooms
+SEEDS ?= 100
 
-.PHONY: help run test check bench clean
+.PHONY: help run test check bench reproduce clean
 .DEFAULT_GOAL := help
 
 help: ## show this
@@ -26,6 +27,10 @@ check: $(READY) ## lint, format, types
 bench: $(READY) ## measure
 	@ls benchmarks/*.py >/dev/null 2>&1 || { echo "no benchmarks yet"; exit 1; }
 	@for script in benchmarks/*.py; do echo "$$script"; $(BIN)/python $$script || exit 1; done
+
+reproduce: $(READY) ## the paper's runs over 100 seeds (SEEDS=...), its table into the docs; can be stopped and taken up
+	$(BIN)/sonar-explore reproduce --seeds $(SEEDS)
+	$(BIN)/python -m sonar_explore.studies.document runs/reproduce
 
 clean: ## remove what make and Python made, the environment too; keeps runs/
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -99,8 +99,8 @@ def figure_9(moment: Moment) -> Figure:
     figure = Figure(figsize=(8.4, 2.2))
     rows = (graphs.angle_fits[angle], graphs.distance_fits[distance], graphs.final)
     titles = (
-        f"(a) angle winner, {moment.names[angle]} fitted",
-        f"(b) distance winner, {moment.names[distance]} fitted",
+        f"(a) angle winner, {_labels(moment)[angle]} fitted",
+        f"(b) distance winner, {_labels(moment)[distance]} fitted",
         "(c) final: common edges",
     )
     for axes, edges, title in zip(figure.subplots(1, 3), rows, titles, strict=True):
@@ -121,20 +121,19 @@ def figure_10(moment: Moment) -> Figure:
     _draw_clusters(first, moment, kept, groups)
     reach = np.linspace(0.0, 0.6, 200)
     second.plot(100 * reach, [p_distance(x, config) for x in reach], color=ACCENT)
-    for i in kept:
-        gap = moment.update.associations[i].association.end_gap_m
-        _spot(second, 100 * gap, p_distance(gap, config), _labels(moment)[i])
+    gaps = [moment.update.associations[i].association.end_gap_m for i in kept]
+    _spots(
+        second,
+        [(100 * g, p_distance(g, config), _labels(moment)[i]) for g, i in zip(gaps, kept, strict=True)],
+    )
     second.set(
         xlabel="distance to the nearest end [cm]", ylabel="P(dist)", title="(a) P(dist)", ylim=(0, 1.18)
     )
     second.set_xticks([0, 50 * DOOR_WIDTH_M, 100 * DISTANCE_ZERO_M], ["0", "d_w/2", "50"])
     angles = np.linspace(-7.0, 7.0, 200)
     third.plot(angles, [p_angle(math.radians(x), config) for x in angles], color=ACCENT)
-    for group in groups:
-        mean = float(adr[list(group)].mean())
-        for j in group:
-            off = float(adr[j]) - mean
-            _spot(third, math.degrees(off), p_angle(off, config), _labels(moment)[kept[j]])
+    off = {j: float(adr[j] - adr[list(group)].mean()) for group in groups for j in group}
+    _spots(third, [(math.degrees(o), p_angle(o, config), _labels(moment)[kept[j]]) for j, o in off.items()])
     third.set(
         xlabel="angle from the cluster's mean [deg]", ylabel="P(ang)", title="(b) P(ang)", ylim=(0, 1.18)
     )
@@ -148,9 +147,11 @@ def figure_11(moment: Moment) -> Figure:
     axes = figure.subplots()
     axes.plot([0.0, 100 * NEAR_M, 100 * FAR_M, 230.0], [NEAR_WEIGHT] * 2 + [FAR_WEIGHT] * 2, color=ACCENT)
     kept = {n for n, a in zip(moment.names, moment.update.associations, strict=True) if a.kept}
-    for name, scored in dict(zip(moment.names, moment.update.associations, strict=True)).items():
-        distance = moment.update.features[scored.association.feature].range_m
-        _spot(axes, 100 * distance, scored.w3, name, filled=name in kept)
+    seen = dict(zip(moment.names, moment.update.associations, strict=True))
+    ranges = {name: moment.update.features[a.association.feature].range_m for name, a in seen.items()}
+    for place, name in enumerate(sorted(seen, key=ranges.__getitem__)):
+        spot = (100 * ranges[name], seen[name].w3, name)
+        _spots(axes, [spot], filled=name in kept, lift=6.0 if place % 2 == 0 else -14.0)
     axes.set(xlabel="distance from the robot [cm]", ylabel="w3", ylim=(0, 1.05), xticks=[0, 20, 100, 200])
     axes.set_title("w3; filled: kept by the link graph")
     figure.tight_layout()
@@ -175,12 +176,23 @@ def figure_12(moment: Moment) -> Figure:
     reach = max(3.0 * math.hypot(dx, dy), 0.06)
     axes.set(xlim=(x + dx / 2 - reach, x + dx / 2 + reach), ylim=(y + dy / 2 - reach, y + dy / 2 + reach))
     axes.set_aspect("equal")
+    plate = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
     axes.text(
-        x + dx / 2, y - math.copysign(0.08 * reach, dy), f"dx = {100 * dx:.1f} cm", ha="center", va="center"
+        x + dx / 2,
+        y - math.copysign(0.08 * reach, dy),
+        f"dx = {100 * dx:.1f} cm",
+        ha="center",
+        va="center",
+        bbox=plate,
     )
     side = math.copysign(0.06 * reach, dx or 1.0)
     axes.text(
-        x + dx + side, y + dy / 2, f"dy = {100 * dy:.1f} cm", ha="left" if side > 0 else "right", va="center"
+        x + dx + side,
+        y + dy / 2,
+        f"dy = {100 * dy:.1f} cm",
+        ha="left" if side > 0 else "right",
+        va="center",
+        bbox=plate,
     )
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.14), ncols=2)
     axes.set(xlabel="x [m]", ylabel="y [m]")
@@ -211,6 +223,7 @@ def _draw_associations(axes: Any, moment: Moment, *, corrected: bool) -> None:
     axes.plot(pose.x, pose.y, "o", color=ACCENT, markersize=7, label="robot")
     nose = pose @ Pose(0.22, 0.0, 0.0)
     axes.plot([pose.x, nose.x], [pose.y, nose.y], color=ACCENT, linewidth=1.6)
+    axes.margins(0.09)
     axes.set_aspect("equal")
     axes.set(xlabel="x [m]", ylabel="y [m]")
 
@@ -316,22 +329,23 @@ def _draw_clusters(axes: Any, moment: Moment, kept: list[int], groups: tuple[tup
         y = len(groups) - level
         axes.plot([values.mean() - 5, values.mean() + 5], [y, y], color=KEPT, linewidth=16, zorder=0)
         axes.plot([values.mean()] * 2, [y - 0.22, y + 0.22], color=LINK, linewidth=1.5)
-        for value, j in zip(values, group, strict=True):
-            axes.plot(value, y, "o", color=NEW, markersize=5)
-            lift = 9 if group.index(j) % 2 == 0 else -14
-            axes.annotate(
-                moment.names[kept[j]], (value, y), (0, lift), textcoords="offset points", ha="center"
-            )
+        _spots(axes, [(float(v), y, _labels(moment)[kept[j]]) for v, j in zip(values, group, strict=True)])
         share = f"P(cluster) = {len(group)}/{len(kept)}"
         axes.annotate(share, (values.mean(), y), (0, 26), textcoords="offset points", ha="center", color=SOFT)
     axes.set(ylim=(0.4, len(groups) + 0.8), yticks=[], xlabel="angle to the root [deg]", title="clusters")
     axes.spines["left"].set_visible(False)
 
 
-def _spot(axes: Any, x: float, y: float, name: str, *, filled: bool = True) -> None:
-    face = NEW if filled else "white"
-    axes.plot(x, y, "o", color=NEW, markersize=5, markerfacecolor=face, zorder=3)
-    axes.annotate(name, (x, y), (0, 6), textcoords="offset points", ha="center")
+def _spots(
+    axes: Any, points: list[tuple[float, float, str]], *, filled: bool = True, lift: float = 6.0
+) -> None:
+    """Dots with their letters; those at one place share a label."""
+    places: dict[tuple[float, float], list[str]] = {}
+    for x, y, name in points:
+        places.setdefault((round(x, 1), round(y, 2)), []).append(name)
+    for (x, y), names in places.items():
+        axes.plot(x, y, "o", color=NEW, markersize=5, markerfacecolor=NEW if filled else "white", zorder=3)
+        axes.annotate(", ".join(sorted(names)), (x, y), (0, lift), textcoords="offset points", ha="center")
 
 
 def _parallel(moment: Moment, index: int) -> Segment:

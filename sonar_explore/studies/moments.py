@@ -60,7 +60,7 @@ class Moment:
 
     @property
     def rank(self) -> tuple[int, int, int]:
-        """How much it shows: both fits cut something, three features stay or more, about as many as the paper's example."""
+        """How much it shows: both fits cut something, three features stay or more, about as many as in the paper."""
         graphs, n = self.update.link_graphs, len(self.update.associations)
         if graphs.pair is None or n > MOST:
             return 0, 0, 0
