@@ -25,8 +25,9 @@ SPARE_M = 0.15
 """Room to spare on either side of the robot, everywhere, [m]."""
 LEAF_M = 0.04
 """Thickness of the leaf of a door, [m]."""
-_BODY_M = AmigoBot.radius_m + SPARE_M + 0.012  # the corners of a buffer are cut by up to 1.1 cm
+_BODY_M = AmigoBot.radius_m + SPARE_M + 0.004  # the grid moves corners by up to 0.7 mm, `simplify` by 2 mm
 _GRID_M = 0.001
+_GAP_M = 0.02
 _MOST_ATTEMPTS = 50
 
 
@@ -64,7 +65,9 @@ def _furnish(
     parts = shapely.get_parts(free)
     free = parts[shapely.area(parts).argmax()].simplify(2 * _GRID_M)
     columns = columns[shapely.contains_xy(free, columns[:, :2])]
-    room_to_move = free.difference(_discs(columns))
+    to_walls = shapely.distance(free.boundary, shapely.points(columns[:, :2]))
+    columns = columns[to_walls > columns[:, 2] + _GAP_M]
+    room_to_move = free.difference(_discs(columns)) if len(columns) else free
     if len(shapely.get_parts(_eroded(room_to_move, _BODY_M))) != 1:
         return None
     start = _start(layout, room_to_move, columns, rng)
@@ -74,8 +77,8 @@ def _furnish(
         World(
             name=name,
             title=title,
-            walls=_walls(free),
-            roughness=np.zeros(len(_walls(free))),
+            walls=(walls := _walls(free)),
+            roughness=np.zeros(len(walls)),
             cylinders=columns,
             start=start,
             has_loop=any(shapely.Polygon(ring).area >= LEAST_BLOCK_M2 for ring in blocks),
@@ -88,28 +91,35 @@ def _room_contents(room: Room, doors: list[Door], rng: np.random.Generator, diff
     """As much of what is proposed as leaves room for the robot."""
     kept = _Contents()
     free = shapely.unary_union([room.shape, *(door.stub() for door in doors)])
-    for solids, columns in _proposals(room, doors, rng, difficulty):
-        left = free.difference(shapely.unary_union([*solids, _discs(np.array(columns).reshape(-1, 3))]))
+    inside = shapely.buffer(room.shape, 0.03, join_style="mitre")  # backs reach into the wall
+    loose_inside = shapely.buffer(room.shape, -0.08, join_style="mitre")
+    doorways = shapely.multipoints([door.middle for door in doors]) if doors else None
+    for solids, columns, loose in _proposals(room, doors, rng, difficulty):
+        thing = solids[0] if solids else _discs(np.array(columns))
+        if not shapely.covered_by(thing, loose_inside if loose else inside):
+            continue
+        if doorways is not None and shapely.dwithin(thing, doorways, _BODY_M):
+            continue
+        left = free.difference(thing)
         body = _eroded(left, _BODY_M)
-        if isinstance(body, shapely.Polygon) and all(
-            shapely.contains_xy(body, *door.middle) for door in doors
-        ):
+        if isinstance(body, shapely.Polygon) and (doorways is None or shapely.contains(body, doorways)):
             free = left
             kept.solids += solids
             kept.columns += columns
     return kept
 
 
-_Thing = tuple[list[shapely.Polygon], list[tuple[float, float, float]]]
-"""Solids and columns that stand or fall together."""
+_Thing = tuple[list[shapely.Polygon], list[tuple[float, float, float]], bool]
+"""A solid, or columns that stand or fall together; True where it stands clear of the walls."""
 
 
 def _proposals(room: Room, doors: list[Door], rng: np.random.Generator, difficulty: float) -> list[_Thing]:
     """What may stand in a room, in the order of importance."""
     area = room.shape.area
     things: list[_Thing] = []
+    makers: tuple[Callable[[shapely.Polygon, np.random.Generator], _Thing], ...]
     if rng.random() < 0.35 * difficulty and room.furnished:
-        things.append(([_cut_corner(room.shape, rng)], []))
+        things.append(([_cut_corner(room.shape, rng)], [], False))
     things += [
         _leaf(door, room.shape, rng)
         for door in doors
@@ -144,11 +154,11 @@ def _against_wall(
 
 
 def _cupboard(shape: shapely.Polygon, rng: np.random.Generator) -> _Thing:
-    return [_against_wall(shape, rng.uniform(0.7, 2.0), rng.uniform(0.35, 0.9), rng)], []
+    return [_against_wall(shape, rng.uniform(0.7, 2.0), rng.uniform(0.35, 0.9), rng)], [], False
 
 
 def _pillar(shape: shapely.Polygon, rng: np.random.Generator) -> _Thing:
-    return [_against_wall(shape, rng.uniform(0.2, 0.45), rng.uniform(0.1, 0.25), rng)], []
+    return [_against_wall(shape, rng.uniform(0.2, 0.45), rng.uniform(0.1, 0.25), rng)], [], False
 
 
 def _table(shape: shapely.Polygon, rng: np.random.Generator) -> _Thing:
@@ -157,19 +167,19 @@ def _table(shape: shapely.Polygon, rng: np.random.Generator) -> _Thing:
     turn = Pose(*_place(shape, rng), float(rng.choice([0.0, math.pi / 2, rng.uniform(0.0, math.pi)])))
     corners = turn.transform(np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (width / 2, depth / 2))
     if rng.random() < 0.6:
-        return [shapely.Polygon(corners)], []
-    return [], [(x, y, 0.03) for x, y in corners.tolist()]
+        return [shapely.Polygon(corners)], [], True
+    return [], [(x, y, 0.03) for x, y in corners.tolist()], True
 
 
 def _stool(shape: shapely.Polygon, rng: np.random.Generator) -> _Thing:
-    return [], [(*_place(shape, rng), float(rng.uniform(0.1, 0.2)))]
+    return [], [(*_place(shape, rng), float(rng.uniform(0.1, 0.2)))], True
 
 
 def _screen(shape: shapely.Polygon, rng: np.random.Generator) -> _Thing:
     """A thin straight wall that stands by itself, at any angle."""
     turn = Pose(*_place(shape, rng), rng.uniform(0.0, math.pi))
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (rng.uniform(0.6, 1.6), 0.05)
-    return [shapely.Polygon(turn.transform(corners))], []
+    return [shapely.Polygon(turn.transform(corners))], [], True
 
 
 def _cut_corner(shape: shapely.Polygon, rng: np.random.Generator) -> shapely.Polygon:
@@ -178,7 +188,7 @@ def _cut_corner(shape: shapely.Polygon, rng: np.random.Generator) -> shapely.Pol
     i = int(rng.integers(len(corners)))
     corner, before, after = corners[i], corners[i - 1], corners[(i + 1) % len(corners)]
     legs = [(end - corner) * rng.uniform(0.15, most) for end, most in ((before, 0.9), (after, 0.35))]
-    outward = -0.05 * (legs[0] + legs[1]) / np.hypot(*(legs[0] + legs[1]))
+    outward = -0.02 * (legs[0] + legs[1]) / np.hypot(*(legs[0] + legs[1]))
     return shapely.Polygon([corner + outward, corner + legs[0], corner + legs[1]])
 
 
@@ -193,17 +203,19 @@ def _leaf(door: Door, shape: shapely.Polygon, rng: np.random.Generator) -> _Thin
     direction = math.cos(angle) * inward + math.sin(angle) * along
     normal = np.array([-direction[1], direction[0]]) * LEAF_M / 2
     end = hinge + direction * (door.width_m - 0.02)
-    return [shapely.Polygon([hinge - normal, end - normal, end + normal, hinge + normal])], []
+    return [shapely.Polygon([hinge - normal, end - normal, end + normal, hinge + normal])], [], False
 
 
 def _place(shape: shapely.Polygon, rng: np.random.Generator) -> tuple[float, float]:
     x0, y0, x1, y1 = shape.bounds
-    return float(rng.uniform(x0, x1)), float(rng.uniform(y0, y1))
+    margin = 0.4
+    return float(rng.uniform(x0 + margin, x1 - margin)), float(rng.uniform(y0 + margin, y1 - margin))
 
 
 def _eroded(free: shapely.Geometry, radius_m: float) -> shapely.Geometry:
-    """Where the middle of a disc may be."""
-    return shapely.buffer(free, -radius_m, quad_segs=3)
+    """Where the middle of a disc may be for certain: a little less round the corners of obstacles."""
+    with np.errstate(invalid="ignore"):  # GEOS divides by zero on its way
+        return shapely.buffer(free, -radius_m, join_style="mitre", mitre_limit=2.0)
 
 
 def _discs(columns: Array) -> shapely.Geometry:

@@ -48,11 +48,11 @@ class Door:
 
     def hole(self, reach_m: float = WALL_M / 2 + _OVERLAP_M) -> shapely.Polygon:
         """The rectangle that the door cuts, to this far on both sides of the wall's middle."""
-        along, across = np.array(self.along), np.array([-self.along[1], self.along[0]])
-        a, b = along * self.width_m / 2, across * reach_m
-        return shapely.Polygon(
-            [a + b + self.middle, b - a + self.middle, -a - b + self.middle, a - b + self.middle]
-        )
+        (x, y), (ax, ay) = self.middle, self.along
+        ax, ay = ax * self.width_m / 2, ay * self.width_m / 2
+        bx, by = -self.along[1] * reach_m, self.along[0] * reach_m
+        sides = ((ax + bx, ay + by), (bx - ax, by - ay), (-ax - bx, -ay - by), (ax - bx, ay - by))
+        return shapely.Polygon([(x + dx, y + dy) for dx, dy in sides])
 
     def stub(self) -> shapely.Polygon:
         """The hole and some way beyond: what a room must stay connected to."""
@@ -122,7 +122,9 @@ def maze(rng: np.random.Generator, difficulty: float) -> Layout:
     """Corridors along a grid; where it is difficult, with loops and narrow places."""
     pitch = rng.uniform(1.55, 1.95)
     columns, rows = (
-        int(n) for n in rng.integers(3, 5, size=2) + rng.integers(0, 1 + round(4 * difficulty), size=2)
+        int(n)
+        for n in rng.integers(3, 5, size=2)
+        + rng.integers(round(difficulty), 1 + round(4 * difficulty), size=2)
     )
     cells = [
         (c * pitch, r * pitch, (c + 1) * pitch, (r + 1) * pitch) for r in range(rows) for c in range(columns)

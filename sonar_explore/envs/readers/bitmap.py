@@ -29,6 +29,8 @@ RUN_TOLERANCE_PX = 0.7
 """How far the edge of the drawing may lie from the line fitted to it."""
 SPECK_PX = 3.0
 """Up to this size a drawing cannot tell round from square: a column, heard from all sides."""
+PAPER_SHARE = 0.9
+"""Of the image's rim: what runs along so much of it lies about the building, not in it."""
 _MAX_CORNER_SHIFT_PX = 1.5
 _MAX_CORNERS_MERGED = 3_000
 
@@ -105,14 +107,16 @@ def _component(bitmap: Bitmap, start: Pose | None) -> tuple[Mask, Pose]:
 def _largest_room(labels: NDArray[np.int32], free: Mask, resolution_m: float) -> int:
     """Label of the free space with most room for the robot; 0 where it fits nowhere.
 
-    What runs off the image is the paper about the building, unless the building itself is open.
+    What covers the rim of the image is the paper about the building, unless there is next to nothing inside.
     """
     fits = labels[_clearance(free, resolution_m) >= AmigoBot.radius_m]
     areas = np.bincount(fits, minlength=int(labels.max()) + 1)
     areas[0] = 0
-    rim = np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]]))
     inner = areas.copy()
-    inner[rim] = 0
+    rim = np.bincount(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]]))
+    paper = int(rim[1:].argmax()) + 1 if len(rim) > 1 else 0
+    if rim[paper] >= PAPER_SHARE * rim.sum():
+        inner[paper] = 0
     best = inner if inner.max() >= areas.max() / 10 else areas
     return int(best.argmax()) if best.max() > 0 else 0
 
