@@ -24,3 +24,11 @@ def kernel(function: F) -> F:
         return function
     compiled: F = njit(cache=True)(function)
     return compiled
+
+
+def inner_kernel(function: F) -> F:
+    """A kernel that neither makes nor returns arrays: without reference counts, calls among kernels cost nothing."""
+    if njit is None:
+        return function
+    compiled: F = njit(cache=True, _nrt=False)(function)
+    return compiled

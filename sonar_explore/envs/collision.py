@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from sonar_explore.compiled import kernel
-from sonar_explore.envs.acoustics import _cell
+from sonar_explore.compiled import inner_kernel
+from sonar_explore.envs.pings import cell_of
 from sonar_explore.envs.scene import Scene
 
 
@@ -17,18 +17,20 @@ def clearance(scene: Scene, x: float, y: float) -> float:
     )
 
 
-@kernel
+@inner_kernel
 def _clearance(x, y, walls, cylinders, wall_first, wall_items, cylinder_first, cylinder_items, frame):  # type: ignore[no-untyped-def]
     best = math.inf
-    cell = _cell(x, y, frame[0], frame[1], frame[2], int(frame[3]), int(frame[4]))
+    cell = cell_of(x, y, frame[0], frame[1], frame[2], int(frame[3]), int(frame[4]))
     if cell < 0:
         return best
-    for i in wall_items[wall_first[cell] : wall_first[cell + 1]]:
+    for k in range(wall_first[cell], wall_first[cell + 1]):
+        i = wall_items[k]
         ax, ay = walls[i, 0], walls[i, 1]
         ex, ey = walls[i, 2] - ax, walls[i, 3] - ay
         t = ((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey)
         t = min(1.0, max(0.0, t))
         best = min(best, math.hypot(x - ax - t * ex, y - ay - t * ey))
-    for i in cylinder_items[cylinder_first[cell] : cylinder_first[cell + 1]]:
+    for k in range(cylinder_first[cell], cylinder_first[cell + 1]):
+        i = cylinder_items[k]
         best = min(best, math.hypot(x - cylinders[i, 0], y - cylinders[i, 1]) - cylinders[i, 2])
     return best

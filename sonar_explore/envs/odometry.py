@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sonar_explore.errors import unknown_name
+from sonar_explore.geometry import Array
 
 
 @dataclass(frozen=True)
@@ -64,3 +65,15 @@ class OdometryError:
             forward_m + n.distance_sigma_m * math.sqrt(distance) * float(z[0]),
             turn_rad * self.turn_scale + self.curvature_rad_m * forward_m + heading_sigma * float(z[1]),
         )
+
+    def true_turns(self, turn_rad: float, count: int) -> Array:
+        """The same for `count` turns on the spot in a row, shape (count,), [rad]; they shift nothing."""
+        n = self._noise
+        z = self._rng.standard_normal((count, 2))  # as many and in the order that single motions would draw
+        heading_sigma = math.sqrt(n.turn_sigma_rad**2 * (abs(turn_rad) / (2.0 * math.pi)))
+        return turn_rad * self.turn_scale + heading_sigma * z[:, 1]
+
+
+def running_sum(start: float, steps: Array) -> Array:
+    """start, start + steps[0], ... added one by one, shape (n + 1,)."""
+    return np.cumsum(np.concatenate([[start], steps]))

@@ -14,13 +14,15 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from sonar_explore.envs.pings import CONVEX_EDGE, RIGHT_CORNER, scratch
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Array
 
-RIGHT_CORNER, CONVEX_EDGE = 1.0, 2.0
 SNAP_M = 0.001  # ends closer than this are one vertex
 CELL_M = 1.0
-_CORNER_TOLERANCE_RAD = math.radians(6.0)  # a dihedral off by this turns the beam by twice as much: half a beam
+_CORNER_TOLERANCE_RAD = math.radians(
+    6.0
+)  # a dihedral off by this turns the beam by twice as much: half a beam
 _EDGE_OPENING_RAD = math.radians(200.0)
 
 
@@ -38,6 +40,8 @@ class Scene:
     """Neighbourhood index of walls, wedges and cylinders: first and items of each."""
     frame: Array
     """Of the index: x0 y0 [m], cell size [m], rows, columns."""
+    scratch: tuple[Any, ...]
+    """Room for the kernels to work in."""
 
     @property
     def arrays(self) -> tuple[Any, ...]:
@@ -57,7 +61,9 @@ class Scene:
             shapely.buffer(shapely.points(cylinders[:, :2]), cylinders[:, 2]),
         )
         index = tuple(array for shape in shapes for array in _neighbours(cells, np.asarray(shape), reach_m))
-        return Scene(walls, wedges, cylinders, index, frame)
+        busiest = tuple(int(np.diff(first).max(initial=0)) for first in index[::2])
+        room = scratch((len(walls), len(wedges), len(cylinders)), busiest)
+        return Scene(walls, wedges, cylinders, index, frame, room)
 
 
 def _cut_where_they_meet(walls: Array, roughness: Array) -> Array:
@@ -80,7 +86,7 @@ def _wedges(walls: Array) -> Array:
     ends = np.vstack([walls[:, 0:2], walls[:, 2:4]])
     directions = np.vstack([walls[:, 2:4] - walls[:, 0:2], walls[:, 0:2] - walls[:, 2:4]])
     keys = np.round(ends / SNAP_M).astype(np.int64)
-    vertices, member = np.unique(keys, axis=0, return_inverse=True)
+    _, member = np.unique(keys, axis=0, return_inverse=True)
     bearing = np.arctan2(directions[:, 1], directions[:, 0])
     order = np.lexsort((bearing, member.ravel()))
     rows: list[tuple[float, float, float, float, float]] = []

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from sonar_explore.amigobot import AmigoBot
-from sonar_explore.envs.acoustics import SonarPhysics, echoes, measured, temperature_scale
+from sonar_explore.envs.acoustics import SonarPhysics, echoes, measured, measured_once, temperature_scale
 from sonar_explore.envs.collision import clearance
-from sonar_explore.envs.odometry import OdometryError, OdometryNoise
+from sonar_explore.envs.odometry import OdometryError, OdometryNoise, running_sum
+from sonar_explore.envs.pings import turned_discs
 from sonar_explore.envs.scene import Scene
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Array, Pose
@@ -37,6 +38,7 @@ class Simulator:
         self.world = world
         self.config = config
         self._scene = Scene.of(world, config.sonar.range_max_m)
+        self._disc = np.empty((1, 3))
         self.reset(rng)
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -78,11 +80,12 @@ class Simulator:
         count = round(2.0 * math.pi / self.config.scan_step_rad)
         step = direction * 2.0 * math.pi / count
         began = self.pose_robot_in_odometry
-        true_poses = []
-        for _ in range(count):
-            true_poses.append(self.true_pose)
-            self._move(0.0, step)
-        ranges = self._measure(true_poses, robot.sonars[robot.scan_sonar])
+        true_headings = running_sum(self.true_pose.heading, self._wheels.true_turns(step, count))
+        ranges = self._measure(self.true_pose, true_headings[:-1], robot.scan_sonar)
+        self.true_pose = replace(self.true_pose, heading=float(true_headings[-1]))
+        counted = running_sum(began.heading, np.full(count, step))
+        self.pose_robot_in_odometry = replace(began, heading=float(counted[-1]))
+        self.bumper = False
         self.time_s += count * (abs(step) / robot.turn_rate_max_rad_s + robot.ping_interval_s)
         return Scan(
             pose_robot_in_odometry=began,
@@ -93,13 +96,22 @@ class Simulator:
         )
 
     def _fire(self, disc: int) -> float:
-        return float(self._measure([self.true_pose], self.config.robot.sonars[disc])[0])
-
-    def _measure(self, true_poses: list[Pose], pose_sonar_in_robot: Pose) -> Array:
-        discs = [pose @ pose_sonar_in_robot for pose in true_poses]
-        ranges, _ = echoes(
-            self._scene, np.array([(d.x, d.y, d.heading) for d in discs]), self.config.sonar
+        here, mount, sonar = self.true_pose, self.config.robot.sonars[disc], self.config.sonar
+        c, s = math.cos(here.heading), math.sin(here.heading)
+        self._disc[0] = (
+            here.x + c * mount.x - s * mount.y,
+            here.y + s * mount.x + c * mount.y,
+            here.heading + mount.heading,
         )
+        ranges, _ = echoes(self._scene, self._disc, sonar)
+        return measured_once(float(ranges[0]), self._range_scale, sonar, self._rng)
+
+    def _measure(self, true_pose: Pose, true_headings: Array, disc: int) -> Array:
+        """Fire one disc at each of these headings."""
+        mount = self.config.robot.sonars[disc]
+        discs = np.empty((len(true_headings), 3))
+        turned_discs(true_pose.x, true_pose.y, true_headings, mount.x, mount.y, mount.heading, discs)
+        ranges, _ = echoes(self._scene, discs, self.config.sonar)
         return measured(ranges, self._range_scale, self.config.sonar, self._rng)
 
     def _move(self, forward_m: float, turn_rad: float) -> None:

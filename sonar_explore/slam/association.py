@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array, Pose, wrap_undirected
 from sonar_explore.slam.chains import ChainMap
 from sonar_explore.slam.features import Feature, FeatureKind
@@ -72,19 +73,47 @@ def associate(
     if not walls or not len(chains):
         return ()
     segments = np.array([features[i].segment.transformed(pose_robot_in_map).as_row() for i in walls])
-    gaps = _gaps(segments, chains.segments)
+    near = _near_links(segments, chains.segments, config)
+    gaps = _gaps(segments, chains.segments[near])
+    chain_ids, link_indices = chains.chain_ids[near], chains.link_indices[near]
     rows, columns = np.nonzero(_inside_gates(gaps, config))
     return tuple(
         Association(
             feature=walls[row],
-            chain=int(chains.chain_ids[column]),
-            link=int(chains.link_indices[column]),
+            chain=int(chain_ids[column]),
+            link=int(link_indices[column]),
             line_distance_m=float(gaps.line_distance[row, column]),
             end_gap_m=float(gaps.end_gap[row, column]),
             angle_rad=float(gaps.angle[row, column]),
         )
-        for row, column in _closest(gaps, rows, columns, chains.chain_ids)
+        for row, column in _closest(gaps, rows, columns, chain_ids)
     )
+
+
+def _near_links(features: Array, links: Array, config: AssociationConfig) -> NDArray[np.intp]:
+    """Rows of the links that could pass the gates of any feature, rising: the others cost no more than a look.
+
+    Both ends within the first gate of a line are within three times its width (the mean of ends and middle),
+    so where the two overlap they come that close, and where they do not, as close as the second gate.
+    """
+    reach = max(3.0 * config.line_distance_max_m, config.end_gap_max_m) + 1e-6
+    xy = features.reshape(-1, 2)
+    (x0, y0), (x1, y1) = xy.min(axis=0) - reach, xy.max(axis=0) + reach
+    rows = np.empty(len(links), dtype=np.intp)
+    return rows[: _meeting_box(links, x0, y0, x1, y1, rows)]
+
+
+@kernel
+def _meeting_box(segments, x0, y0, x1, y1, rows):  # type: ignore[no-untyped-def]
+    """Rows of the segments whose bounding box meets a box, into `rows`: how many."""
+    n = 0
+    for i in range(len(segments)):
+        ax, ay, bx, by = segments[i, 0], segments[i, 1], segments[i, 2], segments[i, 3]
+        if (ax < x0 and bx < x0) or (ax > x1 and bx > x1) or (ay < y0 and by < y0) or (ay > y1 and by > y1):
+            continue
+        rows[n] = i
+        n += 1
+    return n
 
 
 def _gaps(features: Array, links: Array) -> _Gaps:

@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from sonar_explore.errors import SonarExploreError
@@ -110,13 +109,14 @@ def regions_of_constant_depth(scan: Scan, tolerance_m: float) -> tuple[Rcd, ...]
     check_scan(scan)
     sweep = _sweep(scan)
     n = len(sweep.order) // 2
-    taken = np.zeros(n, dtype=bool)
+    taken = [False] * n
     regions = []
     for start, length in _runs_longest_first(sweep, tolerance_m):
         # No run taken so far is shorter than this one, so an overlap must cover one of its ends.
         if taken[start] or taken[(start + length - 1) % n]:
             continue
-        taken[np.arange(start, start + length) % n] = True
+        for reading in range(start, start + length):
+            taken[reading % n] = True
         regions.append(_region(sweep, start, length))
     return tuple(sorted(regions, key=lambda region: math.remainder(region.bearing_rad, math.tau)))
 
@@ -141,17 +141,16 @@ def _sweep(scan: Scan) -> _Sweep:
     )
 
 
-def _depths(sweep: _Sweep, length: int) -> Array:
-    """Perpendicular distance from the centre of every run of this length, shape (n, length), [m].
+def _depths(sweep: _Sweep, starts: NDArray[np.intp], length: int) -> Array:
+    """Perpendicular distance from the centre of the runs of this length, shape (len(starts), length), [m].
 
     A wall with normal bearing b is heard at range D - lever . normal: the disc's lever is added back
     along the run's middle bearing.
     """
-    n = len(sweep.order) // 2
-    bearings = sliding_window_view(sweep.bearings, length)[:n]
+    run = starts[:, None] + np.arange(length)
+    bearings = sweep.bearings[run]
     normals = 0.5 * (bearings[:, :1] + bearings[:, -1:])
-    lever = sweep.lever_m * np.cos(bearings + sweep.lever_rad - normals)
-    return sliding_window_view(sweep.ranges, length)[:n] + lever
+    return sweep.ranges[run] + sweep.lever_m * np.cos(bearings + sweep.lever_rad - normals)
 
 
 def _runs_longest_first(sweep: _Sweep, tolerance_m: float) -> list[tuple[int, int]]:
@@ -161,17 +160,19 @@ def _runs_longest_first(sweep: _Sweep, tolerance_m: float) -> list[tuple[int, in
     found = [np.empty((0, 4))]
     for length in range(2, n + 1):
         whole = np.flatnonzero(breaks[length - 1 : length - 1 + n] == breaks[:n])
-        depths = _depths(sweep, length)[whole]
-        medians = np.median(depths, axis=1) if whole.size else np.empty(0)
-        spreads = np.abs(depths - medians[:, None]).max(axis=1)
-        constant = spreads <= tolerance_m
-        if not constant.any():
+        depths = np.sort(_depths(sweep, whole, length), axis=1)
+        medians = 0.5 * (depths[:, (length - 1) // 2] + depths[:, length // 2])
+        spreads = np.maximum(medians - depths[:, 0], depths[:, -1] - medians)
+        constant = np.flatnonzero(spreads <= tolerance_m)
+        if not constant.size:
             break
-        rows = [whole, np.full(whole.size, length), spreads.round(TIE_DECIMALS), medians.round(TIE_DECIMALS)]
-        found.append(np.stack(rows, axis=1)[constant])
+        rows = np.empty((constant.size, 4))
+        rows[:, 0], rows[:, 1] = whole[constant], length
+        rows[:, 2], rows[:, 3] = spreads[constant].round(TIE_DECIMALS), medians[constant].round(TIE_DECIMALS)
+        found.append(rows)
     starts, lengths, spreads, medians = np.concatenate(found).T
     order = np.lexsort((starts, medians, spreads, -lengths))
-    return [(int(starts[i]), int(lengths[i])) for i in order]
+    return list(zip(starts[order].astype(int).tolist(), lengths[order].astype(int).tolist(), strict=True))
 
 
 def _region(sweep: _Sweep, start: int, length: int) -> Rcd:
@@ -180,9 +181,16 @@ def _region(sweep: _Sweep, start: int, length: int) -> Rcd:
     first, last = sweep.bearings[start] - turns, sweep.bearings[start + length - 1] - turns
     lever = sweep.lever_m * np.cos(sweep.bearings[run] - turns + sweep.lever_rad - 0.5 * (first + last))
     return Rcd(
-        readings=tuple(int(i) for i in sweep.order[run]),
+        readings=tuple(sweep.order[run].tolist()),
         first_rad=float(first),
         last_rad=float(last),
-        depth_m=float(np.median(sweep.ranges[run] + lever)),
-        echo_m=float(np.median(sweep.ranges[run])),
+        depth_m=_median(sweep.ranges[run] + lever),
+        echo_m=_median(sweep.ranges[run]),
     )
+
+
+def _median(values: Array) -> float:
+    """As `np.median`, of a handful."""
+    rising = sorted(values.tolist())
+    n = len(rising)
+    return float(0.5 * (rising[(n - 1) // 2] + rising[n // 2]))
