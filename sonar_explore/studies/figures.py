@@ -127,7 +127,11 @@ def figure_10(moment: Moment) -> Figure:
         [(100 * g, p_distance(g, config), _labels(moment)[i]) for g, i in zip(gaps, kept, strict=True)],
     )
     second.set(
-        xlabel="distance to the nearest end [cm]", ylabel="P(dist)", title="(a) P(dist)", ylim=(0, 1.18)
+        xlabel="distance to the nearest end [cm]",
+        ylabel="P(dist)",
+        title="(a) P(dist)",
+        ylim=(0, 1.18),
+        xlim=(-12, 60),
     )
     second.set_xticks([0, 50 * DOOR_WIDTH_M, 100 * DISTANCE_ZERO_M], ["0", "d_w/2", "50"])
     angles = np.linspace(-7.0, 7.0, 200)
