@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,13 +13,16 @@ from sonar_explore.mapping.frontiers import Frontier, find_frontiers
 from sonar_explore.mapping.occupancy import Look, OccupancyGrid, OccupancyMapper, look_of
 from sonar_explore.measurement import Scan
 from sonar_explore.planning.candidates import Candidate, CandidateFinder
-from sonar_explore.planning.driving import DriveEnd, DriveReport, drive, shut_at
+from sonar_explore.planning.driving import DriveEnd, Driver, DriveReport
 from sonar_explore.planning.paths import SafePaths, path_length, sampled, straightened
 from sonar_explore.robot import Robot
 from sonar_explore.slam import Chain, ScanUpdate, Slam
 
 MIN_FRONTIER_M = 0.15
 MAX_REPLANS = 4
+SECOND_CHANCES = 3  # times that places which were shut or put aside are tried again before giving up
+POINT_WITHIN_M = 0.12
+SHUT_FOR_SCANS = 8  # after so many scans a place that was found shut may be tried again
 BACK_OFF_M_S, BACK_OFF_TICKS = 0.1, 20
 
 
@@ -78,10 +81,13 @@ class Explorer:
         )
         self._looks: list[Look] = []
         self._trail: list[tuple[float, float]] = []
-        self._shut: list[Array] = []
+        self._shut: list[tuple[int, Array]] = []
+        self._leg_trail: list[Pose] = []
+        self._driver = Driver(robot, body, self._traced, self._is_point, config.driving)
         self._put_aside: list[tuple[float, float]] = []
         self._tried: dict[int, int] = {}
-        self._paths: SafePaths | None = None
+        self._paths: SafePaths
+        self._second_chances = SECOND_CHANCES
         self.gave_up = False
         """Whether all that is left are places that were put aside because the way to them was shut."""
         self.grid: OccupancyGrid
@@ -97,6 +103,7 @@ class Explorer:
     def observe(self, scan: Scan) -> ScanUpdate:
         """Take a scan from the robot or from a log: correct the pose, draw the map."""
         update = self._slam.update(scan)
+        self._driver.forget()
         self._looks.append(look_of(scan, update.features, self._config.mapping))
         self._trail.append((update.pose.x, update.pose.y))
         self._map()
@@ -116,11 +123,9 @@ class Explorer:
         paths = self._plan(pose)
         chains = self._slam.chains.chains
         scans = np.array([(e.pose.x, e.pose.y) for e in self._slam.scans])
-        put_aside = np.array(self._put_aside).reshape(-1, 2)
-        candidates = self._finder.find(self.grid, paths, chains, scans, put_aside, self._tried)
-        if not candidates:
-            nothing = np.zeros((0, 2))
-            self.gave_up = bool(self._finder.find(self.grid, paths, chains, scans, nothing, self._tried))
+        candidates = self._candidates(paths, chains, scans)
+        if not candidates and (self._shut or self._put_aside):
+            candidates = self._second_chance(pose, chains, scans)
         return Situation(
             pose=pose,
             grid=self.grid,
@@ -130,6 +135,21 @@ class Explorer:
             scan_positions=scans,
         )
 
+    def _candidates(self, paths: SafePaths, chains: Sequence[Chain], scans: Array) -> tuple[Candidate, ...]:
+        put_aside = np.array(self._put_aside).reshape(-1, 2)
+        return self._finder.find(self.grid, paths, chains, scans, put_aside, self._tried)
+
+    def _second_chance(self, pose: Pose, chains: Sequence[Chain], scans: Array) -> tuple[Candidate, ...]:
+        """What was shut may have been a drifted map: forget it, a few times, before calling the rest unreachable."""
+        shut, put_aside = self._shut, self._put_aside
+        self._shut, self._put_aside = [], []
+        candidates = self._candidates(self._plan(pose), chains, scans)
+        if candidates and self._second_chances == 0:
+            self._shut, self._put_aside, self.gave_up = shut, put_aside, True
+            return ()
+        self._second_chances -= bool(candidates)
+        return candidates
+
     def go_to(self, candidate: Candidate) -> Trip:
         """Drive there; where the way is shut, find another; put the place aside if there is none.
 
@@ -137,7 +157,7 @@ class Explorer:
         """
         for chain in candidate.missing_links:
             self._tried[chain] = self._tried.get(chain, 0) + 1
-        trail: list[Pose] = []
+        self._leg_trail = []
         first = None
         end = DriveEnd.BLOCKED
         for _ in range(MAX_REPLANS):
@@ -146,7 +166,7 @@ class Explorer:
                 break
             first = path if first is None else first
             leg = self._first_leg(path)
-            report = drive(self._robot, self._body, leg, self._traced(trail), self._config.driving)
+            report = self._driver.follow(leg, self._paths.room_at)
             end = report.end
             if end is DriveEnd.ARRIVED:
                 end = end if leg is path else DriveEnd.UNDERWAY
@@ -157,19 +177,25 @@ class Explorer:
         if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED):
             self._put_aside.append((candidate.x, candidate.y))
         here = self.pose()
-        return Trip(end, np.array([[here.x, here.y]]) if first is None else first, (*trail, here))
+        return Trip(end, np.array([[here.x, here.y]]) if first is None else first, (*self._leg_trail, here))
+
+    def _is_point(self, x: float, y: float) -> bool:
+        """Whether the map has an edge, a corner or a thin column at a place."""
+        off = np.hypot(*(self._mapper.points - (x, y)).T)
+        return bool((off <= POINT_WITHIN_M).any())
 
     def _map(self) -> None:
         poses = [entry.pose for entry in self._slam.scans]
         self.grid = self._mapper.draw(poses, self._looks, np.array(self._trail))
 
     def _plan(self, pose: Pose) -> SafePaths:
-        shut = np.vstack(self._shut) if self._shut else None
+        recent = [points for scans, points in self._shut if len(self._looks) - scans < SHUT_FOR_SCANS]
+        shut = np.vstack(recent) if recent else None
         return SafePaths(self.grid, pose.x, pose.y, self._body.radius_m, self._config.planning, shut)
 
     def _way(self, candidate: Candidate) -> Array | None:
         pose = self.pose()
-        paths = self._plan(pose)
+        self._paths = paths = self._plan(pose)
         path = paths.to(candidate.x, candidate.y)
         if path is None:
             return None
@@ -192,22 +218,16 @@ class Explorer:
         corners = path[: np.searchsorted(np.cumsum(np.hypot(*np.diff(path, axis=0).T)), driven[stop]) + 1]
         return np.vstack([corners, points[stop : stop + 1]])
 
-    def _traced(self, trail: list[Pose]) -> Callable[[], Pose]:
+    def _traced(self) -> Pose:
         """`pose`, noting the way every 5 cm."""
-
-        def pose() -> Pose:
-            here = self.pose()
-            if not trail or here.distance_to(trail[-1]) >= 0.05:
-                trail.append(here)
-                self._trail.append((here.x, here.y))
-            return here
-
-        return pose
+        here = self.pose()
+        if not self._leg_trail or here.distance_to(self._leg_trail[-1]) >= 0.05:
+            self._leg_trail.append(here)
+            self._trail.append((here.x, here.y))
+        return here
 
     def _remember_shut(self, report: DriveReport) -> None:
-        here = self.pose()
-        assert report.obstacle is not None
-        self._shut.append(shut_at(here, report.obstacle))
+        self._shut.append((len(self._looks), self.pose().transform(report.obstacle)))
         if report.end is DriveEnd.BUMPED:  # back off, the way the body came
             for _ in range(BACK_OFF_TICKS):
                 self._robot.tick(-BACK_OFF_M_S, 0.0)

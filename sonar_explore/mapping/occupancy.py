@@ -152,6 +152,8 @@ class OccupancyMapper:
         self._body = body_radius_m
         self._reach = reach_m
         self._frame: GridFrame | None = None
+        self.points: Array = np.zeros((0, 2))
+        """Corners, edges and columns as last drawn, x y, shape (n, 2), map frame, [m]."""
 
     def draw(self, poses: Sequence[Pose], looks: Sequence[Look], trail: Array) -> OccupancyGrid:
         """The grid of these scans at these poses.
@@ -174,6 +176,7 @@ class OccupancyMapper:
         mark_segments(frame, wall_evidence, walls[fresh], cfg.fresh_weight)
         points = np.vstack([feet, *(p.transform(look.points) for p, look in zip(poses, looks, strict=True))])
         _add_cells(frame, wall_evidence, points, cfg.point_weight)
+        self.points = points
         core = np.zeros(frame.shape)
         cleared = np.zeros(frame.shape, dtype=np.int32)
         gaps = bridges(np.vstack([walls, np.hstack([feet, feet])]), 2.0 * self._body)

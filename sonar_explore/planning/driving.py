@@ -11,6 +11,7 @@ import numpy as np
 
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.geometry import Array, Pose, wrap_angle
+from sonar_explore.planning.echoes import EchoMemory
 from sonar_explore.robot import Robot
 
 
@@ -20,14 +21,20 @@ class DrivingConfig:
 
     speed_m_s: float = 0.3
     """Cruising speed, [m/s]: between two echoes of one disc the robot goes 10 cm."""
-    brake_m: float = 0.10
-    """Room that must be left before the body, [m]."""
-    side_m: float = 0.02
-    """Room that must be left beside the body, [m]."""
+    brake_m: float = 0.14
+    """How far ahead the way must be clear, [m]."""
+    side_m: float = 0.015
+    """Room that must be left about the body, [m]."""
     arrived_m: float = 0.03
     """A corner of the path counts as reached within this, [m]."""
     aligned_rad: float = math.radians(3.0)
     """Off by more than this the robot turns on the spot, [rad]."""
+    tight_m: float = 0.45
+    """With less room than this the robot looks left and right as it goes, [m]."""
+    glance_rad: float = math.radians(16.0)
+    """How far it turns for that: the ring's gap between 41 and 90 degrees closes, [rad]."""
+    glance_every_m: float = 0.4
+    """How often, [m]."""
     most_ticks: int = 5000
     """No drive takes longer."""
 
@@ -42,68 +49,100 @@ class DriveEnd(StrEnum):
     BUMPED = "bumped"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DriveReport:
     """How a drive ended, and where the way was shut."""
 
     end: DriveEnd
-    obstacle: tuple[float, float] | None
-    """Where, in the robot frame at the end, [m]; None after arrival."""
+    obstacle: Array
+    """Points in the robot frame at the end, shape (n, 2), [m]; none after arrival."""
 
 
-def drive(
-    robot: Robot, body: AmigoBot, path: Array, pose: Callable[[], Pose], config: DrivingConfig
-) -> DriveReport:
-    """Follow a polyline, shape (n, 2), map frame, [m]; stop where something is in the way.
+class Driver:
+    """Follows polylines. What it hears on the way it keeps until the next scan."""
 
-    Args:
-        pose: where the robot believes to be now, `pose_robot_in_map`.
-    """
-    ticks = 0
-    for x, y in path[1:]:
-        while ticks < config.most_ticks:
-            ticks += 1
-            here = pose()
+    def __init__(
+        self,
+        robot: Robot,
+        body: AmigoBot,
+        pose: Callable[[], Pose],
+        is_point: Callable[[float, float], bool],
+        config: DrivingConfig,
+    ) -> None:
+        """
+        Args:
+            robot: what drives.
+            body: its shape and speeds.
+            pose: where it believes to be now, `pose_robot_in_map`.
+            is_point: whether the map has an edge or a corner at a place (x, y), not a wall.
+            config: how to drive.
+        """
+        self._robot = robot
+        self._body = body
+        self._pose = pose
+        self._config = config
+        self._echoes = EchoMemory(body, is_point)
+        self._ticks = 0
+
+    def follow(self, path: Array, room: Callable[[float, float], float]) -> DriveReport:
+        """Drive along a path, shape (n, 2), map frame, [m]; stop where something is in the way.
+
+        Args:
+            room: distance of a place (x, y) from what is not known to be free, [m].
+        """
+        self._ticks = 0
+        self._since_glance = math.inf
+        for x, y in path[1:]:
+            report = self._to(float(x), float(y), room)
+            if report is not None:
+                return report
+        return DriveReport(DriveEnd.ARRIVED, np.zeros((0, 2)))
+
+    def forget(self) -> None:
+        """A scan was taken: what the ring heard before is on the map now, or was nothing."""
+        self._echoes.forget()
+
+    def _to(self, x: float, y: float, room: Callable[[float, float], float]) -> DriveReport | None:
+        """One straight bit; None once there."""
+        cfg, body = self._config, self._body
+        while self._ticks < cfg.most_ticks:
+            here = self._pose()
             distance = math.hypot(x - here.x, y - here.y)
             error = wrap_angle(math.atan2(y - here.y, x - here.x) - here.heading)
-            if distance <= config.arrived_m or (
-                distance <= 2.0 * config.arrived_m and abs(error) > math.pi / 2
-            ):
-                break
-            if abs(error) > config.aligned_rad and (distance > 3 * config.arrived_m or abs(error) > 0.5):
-                robot.tick(0.0, _turn_rate(error, body))
+            if distance <= cfg.arrived_m or (distance <= 2.0 * cfg.arrived_m and abs(error) > math.pi / 2):
+                return None
+            far = distance > 3.0 * cfg.arrived_m
+            if abs(error) > cfg.aligned_rad and (far or abs(error) > 0.5):
+                self._tick(0.0, self._turn_rate(error))
                 continue
-            obstacle = in_the_way(robot.ring_m, body, distance, config)
+            if self._since_glance >= cfg.glance_every_m and far and room(here.x, here.y) < cfg.tight_m:
+                self._glance()
+                continue
+            ahead = min(cfg.brake_m, distance)
+            obstacle = self._echoes.in_the_way(here, ahead, body.radius_m + cfg.side_m)
             if obstacle is not None:
                 return DriveReport(DriveEnd.BLOCKED, obstacle)
-            speed = min(config.speed_m_s, distance / body.ping_interval_s)
-            robot.tick(speed, _turn_rate(error, body) if distance > 3 * config.arrived_m else 0.0)
-            if robot.bumper:
-                return DriveReport(DriveEnd.BUMPED, (body.radius_m + 0.02, 0.0))
-    return DriveReport(DriveEnd.ARRIVED, None)
+            speed = min(cfg.speed_m_s, distance / body.ping_interval_s)
+            self._tick(speed, self._turn_rate(error) if far else 0.0)
+            self._since_glance += speed * body.ping_interval_s
+            if self._robot.bumper:
+                return DriveReport(DriveEnd.BUMPED, np.array([[body.radius_m + 0.02, 0.0]]))
+        return None
 
+    def _glance(self) -> None:
+        """Turn a little left and right: the discs sweep over what lies between their axes."""
+        rate = self._body.turn_rate_max_rad_s
+        ticks = math.ceil(self._config.glance_rad / (rate * self._body.ping_interval_s))
+        for direction, count in ((1, ticks), (-1, 2 * ticks), (1, ticks)):
+            for _ in range(count):
+                self._tick(0.0, direction * rate)
+        self._since_glance = 0.0
 
-def _turn_rate(error_rad: float, body: AmigoBot) -> float:
-    rate = error_rad / body.ping_interval_s
-    return max(-body.turn_rate_max_rad_s, min(body.turn_rate_max_rad_s, rate))
+    def _tick(self, speed_m_s: float, turn_rate_rad_s: float) -> None:
+        self._ticks += 1
+        self._robot.tick(speed_m_s, turn_rate_rad_s)
+        self._echoes.note(self._pose(), self._robot.ring_m)
 
-
-def in_the_way(
-    ring_m: Array, body: AmigoBot, ahead_m: float, config: DrivingConfig
-) -> tuple[float, float] | None:
-    """The nearest echo in the corridor that the body is about to sweep, robot frame, [m]; None where it is clear."""
-    found: tuple[float, float] | None = None
-    reach = body.radius_m + min(config.brake_m, max(ahead_m, 0.0) + 0.02)
-    for echo, disc in zip(ring_m, body.sonars, strict=True):
-        x = disc.x + echo * math.cos(disc.heading)
-        y = disc.y + echo * math.sin(disc.heading)
-        if 0.0 < x <= reach and abs(y) <= body.radius_m + config.side_m and (found is None or x < found[0]):
-            found = (x, y)
-    return found
-
-
-def shut_at(pose_robot_in_map: Pose, obstacle: tuple[float, float]) -> Array:
-    """Map points of a short bar across the heading where the way was shut, shape (n, 2), [m]."""
-    x, y = obstacle
-    bar = np.column_stack([np.full(5, x + 0.02), y + np.linspace(-0.1, 0.1, 5)])
-    return pose_robot_in_map.transform(bar)
+    def _turn_rate(self, error_rad: float) -> float:
+        rate = error_rad / self._body.ping_interval_s
+        return max(-self._body.turn_rate_max_rad_s, min(self._body.turn_rate_max_rad_s, rate))
