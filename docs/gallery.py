@@ -35,7 +35,7 @@ def main() -> None:
         HEAD.format(door=DOOR_MAX_M),
         "## Shipped\n",
         table(shipped_worlds()),
-        "\n## Generated\nFour kinds, any seed, difficulty 0 to 1 (0.5 where the name says none); see [worlds](worlds.md).\n",
+        "\n## Generated\nFour kinds, any seed, difficulty 0 to 1, 0.5 if not said; see [worlds](worlds.md).\n",
         table(GENERATED),
     ]
     (DOCS / "gallery.md").write_text("\n".join(parts), encoding="utf-8")

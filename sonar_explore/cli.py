@@ -152,6 +152,34 @@ def worlds(as_json: bool) -> None:
 
 
 @commands.command()
+@click.argument("file")
+@click.option("--out", type=click.Path(path_type=Path), help="Picture to write: PNG, SVG or PDF.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object, nothing else.")
+def world(file: str, out: Path | None, as_json: bool) -> None:
+    """Show what is read from FILE, a world file or a name: walls, areas, passages, what looks wrong.
+
+    FILE?resolution=0.02 says how many metres a pixel is, FILE?start=1.5,2,90 where the robot starts.
+    """
+    from sonar_explore.envs import survey
+    from sonar_explore.envs.world import load_world
+
+    read = load_world(file)
+    found = survey.survey(read)
+    if out is not None:
+        from sonar_explore.envs.plan_picture import save_picture
+
+        save_picture(read, found, out)
+    if as_json:
+        import json
+
+        click.echo(json.dumps(survey.as_json(read, found)))
+        return
+    click.echo(survey.as_text(read, found))
+    if out is not None:
+        click.echo(f"picture: {out}")
+
+
+@commands.command()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON array.")
 def agents(as_json: bool) -> None:
     """List the exploration policies that are installed."""

@@ -25,7 +25,8 @@ SPARE_M = 0.15
 """Room to spare on either side of the robot, everywhere, [m]."""
 LEAF_M = 0.04
 """Thickness of the leaf of a door, [m]."""
-_BODY_M = AmigoBot.radius_m + SPARE_M + 0.004  # the grid moves corners by up to 0.7 mm, `simplify` by 2 mm
+_BODY_M = AmigoBot.radius_m + SPARE_M
+_COARSE, _FINE = 3, 32  # pieces of a quarter turn: for a room, and for the whole building
 _GRID_M = 0.001
 _GAP_M = 0.02
 _MOST_ATTEMPTS = 50
@@ -67,11 +68,11 @@ def _furnish(
     columns = columns[shapely.contains_xy(free, columns[:, :2])]
     to_walls = shapely.distance(free.boundary, shapely.points(columns[:, :2]))
     columns = columns[to_walls > columns[:, 2] + _GAP_M]
-    room_to_move = free.difference(_discs(columns)) if len(columns) else free
-    if len(shapely.get_parts(_eroded(room_to_move, _BODY_M))) != 1:
+    room_to_move = free.difference(_discs(columns, _FINE)) if len(columns) else free
+    if len(shapely.get_parts(_eroded(room_to_move, _BODY_M, _FINE))) != 1:
         return None
     start = _start(layout, room_to_move, columns, rng)
-    reach = _eroded(room_to_move, AmigoBot.radius_m)
+    reach = _eroded(room_to_move, AmigoBot.radius_m, _COARSE)
     blocks = [ring for part in shapely.get_parts(reach) for ring in part.interiors]
     return _turned(
         World(
@@ -95,13 +96,13 @@ def _room_contents(room: Room, doors: list[Door], rng: np.random.Generator, diff
     loose_inside = shapely.buffer(room.shape, -0.08, join_style="mitre")
     doorways = shapely.multipoints([door.middle for door in doors]) if doors else None
     for solids, columns, loose in _proposals(room, doors, rng, difficulty):
-        thing = solids[0] if solids else _discs(np.array(columns))
+        thing = solids[0] if solids else _discs(np.array(columns), _COARSE)
         if not shapely.covered_by(thing, loose_inside if loose else inside):
             continue
         if doorways is not None and shapely.dwithin(thing, doorways, _BODY_M):
             continue
         left = free.difference(thing)
-        body = _eroded(left, _BODY_M)
+        body = _eroded(left, _BODY_M, _COARSE)
         if isinstance(body, shapely.Polygon) and (doorways is None or shapely.contains(body, doorways)):
             free = left
             kept.solids += solids
@@ -212,17 +213,14 @@ def _place(shape: shapely.Polygon, rng: np.random.Generator) -> tuple[float, flo
     return float(rng.uniform(x0 + margin, x1 - margin)), float(rng.uniform(y0 + margin, y1 - margin))
 
 
-def _eroded(free: shapely.Geometry, radius_m: float) -> shapely.Geometry:
-    """Where the middle of a disc may be for certain: a little less round the corners of obstacles."""
-    with np.errstate(invalid="ignore"):  # GEOS divides by zero on its way
-        return shapely.buffer(free, -radius_m, join_style="mitre", mitre_limit=2.0)
+def _eroded(free: shapely.Geometry, radius_m: float, pieces: int) -> shapely.Geometry:
+    """Where the middle of a disc may be."""
+    return shapely.buffer(free, -radius_m, quad_segs=pieces)
 
 
-def _discs(columns: Array) -> shapely.Geometry:
-    """Octagons and more about columns, a little larger."""
-    return shapely.union_all(
-        shapely.buffer(shapely.points(columns[:, :2]), columns[:, 2] * 1.05, quad_segs=3)
-    )
+def _discs(columns: Array, pieces: int) -> shapely.Geometry:
+    """Polygons about columns."""
+    return shapely.union_all(shapely.buffer(shapely.points(columns[:, :2]), columns[:, 2], quad_segs=pieces))
 
 
 def _walls(free: shapely.Polygon) -> Array:
