@@ -124,6 +124,13 @@ def test_a_ros_map_lies_where_its_origin_says(tmp_path: Path) -> None:
     assert turned.bounds == pytest.approx((-3.5, -1.5, -1.5, 2.5))
 
 
+def test_places_in_errors_are_in_the_frame_of_the_map(tmp_path: Path) -> None:
+    map_image(tmp_path)
+    path = written(tmp_path, "map.yaml", YAML)
+    assert "start (-0.90, -1.90) is inside a wall; free: (1.5" in error_of(f"{path}?start=-0.9,-1.9")
+    assert "start (9.00, 9.00) is outside the image" in error_of(f"{path}?start=9,9")
+
+
 def test_negate_turns_black_and_white_round(tmp_path: Path) -> None:
     map_image(tmp_path, free=1, wall=255, unknown=50)
     text = YAML.replace("negate: 0", "negate: 1")
@@ -338,7 +345,7 @@ def read_or_refused(path: Path) -> None:
 
 
 fuzz = settings(
-    max_examples=120,
+    max_examples=80,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )

@@ -92,13 +92,15 @@ def _component(bitmap: Bitmap, start: Pose | None) -> tuple[Mask, Pose]:
     row, col = int(np.floor(rows - start.y / resolution_m)), int(np.floor(start.x / resolution_m))
     if not (0 <= row < rows and 0 <= col < free.shape[1]):
         raise SonarExploreError(
-            f"{bitmap.name}: the start ({start.x:.2f}, {start.y:.2f}) is outside the image, which spans "
+            f"{bitmap.name}: the start ({(bitmap.origin @ start).x:.2f}, {(bitmap.origin @ start).y:.2f}) "
+            "is outside the image, which spans "
             f"{free.shape[1] * resolution_m:.2f} x {rows * resolution_m:.2f} m"
         )
     if labels[row, col] == 0:
-        best = _best_start(labels == _largest_room(labels, free, resolution_m), resolution_m)
+        best = bitmap.origin @ _best_start(labels == _largest_room(labels, free, resolution_m), resolution_m)
+        said = bitmap.origin @ start
         raise SonarExploreError(
-            f"{bitmap.name}: the start ({start.x:.2f}, {start.y:.2f}) is inside a wall; "
+            f"{bitmap.name}: the start ({said.x:.2f}, {said.y:.2f}) is inside a wall; "
             f"free: ({best.x:.2f}, {best.y:.2f})"
         )
     return labels == labels[row, col], start
@@ -133,8 +135,11 @@ def _best_start(component: Mask, resolution_m: float) -> Pose:
 
 def _clearance(free: Mask, resolution_m: float) -> Array:
     """Distance of each pixel's middle to the edge of the free space, within about half a pixel, [m]."""
-    padded: Array = ndimage.distance_transform_edt(np.pad(free, 1))
-    return (padded[1:-1, 1:-1] - 0.5) * resolution_m
+    clearance = np.full(free.shape, -0.5 * resolution_m)
+    for box in ndimage.find_objects(free.astype(np.uint8)):  # most of a map may be unknown
+        padded = ndimage.distance_transform_edt(np.pad(free[box], 1))
+        clearance[box] = (padded[1:-1, 1:-1] - 0.5) * resolution_m
+    return clearance
 
 
 def _has_loop(component: Mask, resolution_m: float, start: Pose) -> bool:
