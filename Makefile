@@ -4,6 +4,7 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11 python; do \
 VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+BENCH := $(VENV)/bench
 WORLD ?= paper/rooms
 SEEDS ?= 100
 
@@ -24,9 +25,9 @@ check: $(READY) ## lint, format, types
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-bench: $(READY) ## measure
-	@ls benchmarks/*.py >/dev/null 2>&1 || { echo "no benchmarks yet"; exit 1; }
-	@for script in benchmarks/*.py; do echo "$$script"; $(BIN)/python $$script || exit 1; done
+bench: $(BENCH)/.ready ## measure, in an environment of its own
+	$(BENCH)/bin/python -m pytest benchmarks -o addopts= -o python_files='bench_*.py' -o python_functions='bench_*' \
+		--benchmark-columns=min,median,rounds --benchmark-sort=name
 
 reproduce: $(READY) ## the paper's runs over 100 seeds (SEEDS=...), its table into the docs; can be stopped and taken up
 	$(BIN)/sonar-explore reproduce --seeds $(SEEDS)
@@ -35,6 +36,11 @@ reproduce: $(READY) ## the paper's runs over 100 seeds (SEEDS=...), its table in
 clean: ## remove what make and Python made, the environment too; keeps runs/
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(BENCH)/.ready: $(READY)
+	[ -x $(BENCH)/bin/python ] || $(BIN)/python -m venv $(BENCH)
+	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	@touch $@
 
 # One environment, made once, and brought up to date when the dependencies change.
 $(READY): pyproject.toml
