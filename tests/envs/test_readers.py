@@ -127,7 +127,7 @@ def test_a_ros_map_lies_where_its_origin_says(tmp_path: Path) -> None:
 def test_places_in_errors_are_in_the_frame_of_the_map(tmp_path: Path) -> None:
     map_image(tmp_path)
     path = written(tmp_path, "map.yaml", YAML)
-    assert "start (-0.90, -1.90) is inside a wall; free: (1.5" in error_of(f"{path}?start=-0.9,-1.9")
+    assert "start (-0.90, -1.90) is inside a wall; free: (1.4" in error_of(f"{path}?start=-0.9,-1.9")
     assert "start (9.00, 9.00) is outside the image" in error_of(f"{path}?start=9,9")
 
 
