@@ -194,7 +194,7 @@ class Spot:
 
 def small_multiple(title: str, x_label: str, spots: Sequence[Spot], top: float | None, style: str) -> Markup:
     """Values of one option side by side, evenly spaced; the default is filled. `top` None fits the values."""
-    width, height, left, bottom, right, head = 300, 156, 44, 40, 10, 10
+    width, height, left, bottom, right, head = 300, 156, 52, 40, 10, 10
     values = ticks(top or max((s.high for s in spots), default=1.0), 4)
     highest = values[-1]
     step = (width - left - right) / max(1, len(spots))

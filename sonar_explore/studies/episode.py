@@ -20,10 +20,11 @@ def ignore_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def run_job(job: Job, folder: Path, keep_record: bool) -> Outcome:
+def run_job(job: Job, folder: Path, keep_record: bool, fingerprint: str) -> Outcome:
     """Run the episode and write what it leaves; the outcome's file comes last and says that all is there.
 
-    An exception is an outcome too: a study of a thousand episodes must not end at one.
+    An exception is an outcome too: a study of a thousand episodes must not end at one. The fingerprint is the parent's,
+    taken when the study began: files that change meanwhile are not what runs.
     """
     path = folder / job.path
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -35,7 +36,7 @@ def run_job(job: Job, folder: Path, keep_record: bool) -> Outcome:
             _keep(record, path)
     except Exception as raised:
         error = _one_line(raised)
-    outcome = Outcome(job.world, job.variant.name, job.seed, job.fingerprint, __version__, summary, error)
+    outcome = Outcome(job.world, job.variant.name, job.seed, fingerprint, __version__, summary, error)
     save_outcome(outcome, path)
     return outcome
 

@@ -56,9 +56,9 @@ def run_jobs(
     if not jobs:
         return []
     if processes == 1:
-        return [_told(run_job(job, folder, keep_record), on_done) for job in jobs]
+        return [_told(run_job(job, folder, keep_record, job.fingerprint), on_done) for job in jobs]
     with _single_threaded(), _pool(min(processes, len(jobs))) as pool:
-        futures = [pool.submit(run_job, job, folder, keep_record) for job in jobs]
+        futures = [pool.submit(run_job, job, folder, keep_record, job.fingerprint) for job in jobs]
         try:
             return [_told(_result(future), on_done) for future in as_completed(futures)]
         except BaseException:

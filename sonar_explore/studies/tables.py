@@ -91,11 +91,11 @@ def goal_lines(study: Study, variant: str = "chain") -> list[str]:
 def brief_table(study: Study) -> Table:
     """What fits a terminal."""
     table = table_of(study)
-    chosen = [COLUMNS.index(name) for name in (*COLUMNS[:3], COLUMNS[6], COLUMNS[8])]
+    chosen = [COLUMNS.index(name) for name in (*COLUMNS[:3], COLUMNS[8])]
     errors = [(_short(row.wall_error_m), _short(row.position_error_m)) for row in study.rows]
     rows = [tuple(row[i] for i in chosen) for row in table.rows]
     rows = [(*row[:3], *pair, *row[3:]) for row, pair in zip(rows, errors, strict=True)]
-    return Table((*COLUMNS[:3], "wall [m]", "final [m]", "loop", COLUMNS[8]), tuple(rows))
+    return Table((*COLUMNS[:3], "wall [m]", "final [m]", "failures"), tuple(rows))
 
 
 def pooled_table(study: Study, of: Sequence[str]) -> Table:

@@ -75,6 +75,6 @@ def test_yes_and_no_are_values_too():
 def test_wheels_that_a_sweep_changes_reach_the_simulator(tmp_path):
     wheels = next(s for s in SWEEPS if s.slug == "noise-base_ratio").variant(2)
     job = Job("paper/corridor", wheels, 0, "paper", ExplorationConfig(max_scans=2))
-    found = run_job(job, tmp_path, keep_record=False)
+    found = run_job(job, tmp_path, keep_record=False, fingerprint=job.fingerprint)
     assert found.summary and found.summary.noise == "paper, noise-base_ratio-2"
     assert NOISE_PRESETS.pop(found.summary.noise).base_ratio == pytest.approx(1.02)
