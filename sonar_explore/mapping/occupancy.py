@@ -49,6 +49,8 @@ class MappingConfig:
     """Feet of two wall features this close are one place, [m]."""
     pivot_turn_rad: float = math.radians(15.0)
     """Normals that differ by this much at one place belong to an edge, a corner or a column, [rad]."""
+    trim_m: float = 0.08
+    """An edge or a corner this near to a wall feature's line ends its segment, [m]."""
     wall_weight: float = 2.0
     """Evidence of one wall feature for the cells of its segment."""
     point_weight: float = 1.0
@@ -169,14 +171,14 @@ class OccupancyMapper:
         scan = np.repeat(np.arange(len(looks)), [len(look.walls) for look in looks])
         pivots = pivot_points(walls, scan, cfg)
         feet = 0.5 * (walls[pivots, :2] + walls[pivots, 2:])
-        walls = walls[~pivots]
+        points = np.vstack([feet, *(p.transform(look.points) for p, look in zip(poses, looks, strict=True))])
+        self.points = points
+        walls = trimmed(walls[~pivots], points, cfg.trim_m)
         wall_evidence = np.zeros(frame.shape)
         mark_segments(frame, wall_evidence, walls, cfg.wall_weight)
         fresh = scan[~pivots] >= len(looks) - cfg.fresh_scans
         mark_segments(frame, wall_evidence, walls[fresh], cfg.fresh_weight)
-        points = np.vstack([feet, *(p.transform(look.points) for p, look in zip(poses, looks, strict=True))])
         _add_cells(frame, wall_evidence, points, cfg.point_weight)
-        self.points = points
         core = np.zeros(frame.shape)
         cleared = np.zeros(frame.shape, dtype=np.int32)
         gaps = bridges(np.vstack([walls, np.hstack([feet, feet])]), 2.0 * self._body)
@@ -226,6 +228,27 @@ def pivot_points(walls: Array, scan: NDArray[np.int64], config: MappingConfig) -
     pairs = pairs[(turned >= config.pivot_turn_rad) & (scan[pairs[:, 0]] != scan[pairs[:, 1]])]
     out[pairs] = True
     return out
+
+
+def trimmed(walls: Array, points: Array, within_m: float) -> Array:
+    """Wall segments, shape (n, 4), cut at the edges and corners that lie on them, [m].
+
+    Only the foot of a normal is sure to be wall. The rest of its segment ends where an edge was heard: at a jamb.
+    """
+    if not len(walls) or not len(points):
+        return walls
+    feet = 0.5 * (walls[:, :2] + walls[:, 2:])
+    half = 0.5 * np.hypot(*(walls[:, 2:] - walls[:, :2]).T)
+    along = (walls[:, 2:] - walls[:, :2]) / np.maximum(2.0 * half, 1e-9)[:, None]
+    offset = points[None, :, :] - feet[:, None, :]
+    at = np.einsum("nmk,nk->nm", offset, along)
+    across = np.abs(offset[:, :, 0] * along[:, None, 1] - offset[:, :, 1] * along[:, None, 0])
+    on = across <= within_m
+    forward = np.where(on & (at > within_m), at, np.inf).min(axis=1)
+    backward = np.where(on & (at < -within_m), -at, np.inf).min(axis=1)
+    ends = feet + along * np.minimum(half, forward)[:, None]
+    starts = feet - along * np.minimum(half, backward)[:, None]
+    return np.hstack([starts, ends])
 
 
 def bridges(walls: Array, gap_m: float) -> Array:

@@ -23,7 +23,7 @@ class DrivingConfig:
     """Cruising speed, [m/s]: between two echoes of one disc the robot goes 10 cm."""
     brake_m: float = 0.14
     """How far ahead the way must be clear, [m]."""
-    side_m: float = 0.015
+    side_m: float = 0.03
     """Room that must be left about the body, [m]."""
     arrived_m: float = 0.03
     """A corner of the path counts as reached within this, [m]."""
