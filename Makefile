@@ -29,7 +29,7 @@ bench: $(BENCH)/.ready ## measure, in an environment of its own
 	$(BENCH)/bin/python -m pytest benchmarks -o addopts= -o python_files='bench_*.py' -o python_functions='bench_*' \
 		--benchmark-columns=min,median,rounds --benchmark-sort=name
 
-reproduce: $(READY) ## the paper's runs over 100 seeds (SEEDS=...), its table into the docs; can be stopped and taken up
+reproduce: $(READY) ## the paper's runs over 100 seeds (SEEDS=...); can be stopped and taken up
 	$(BIN)/sonar-explore reproduce --seeds $(SEEDS)
 	$(BIN)/python -m sonar_explore.studies.document runs/reproduce
 

@@ -343,13 +343,19 @@ def _draw_clusters(axes: Any, moment: Moment, kept: list[int], groups: tuple[tup
 def _spots(
     axes: Any, points: list[tuple[float, float, str]], *, filled: bool = True, lift: float = 6.0
 ) -> None:
-    """Dots with their letters; those at one place share a label."""
+    """Dots with their letters, above and below in turn; those at one place share a label."""
     places: dict[tuple[float, float], list[str]] = {}
     for x, y, name in points:
         places.setdefault((round(x, 1), round(y, 2)), []).append(name)
-    for (x, y), names in places.items():
+    for place, ((x, y), names) in enumerate(sorted(places.items())):
         axes.plot(x, y, "o", color=NEW, markersize=5, markerfacecolor=NEW if filled else "white", zorder=3)
-        axes.annotate(", ".join(sorted(names)), (x, y), (0, lift), textcoords="offset points", ha="center")
+        axes.annotate(
+            ", ".join(sorted(names)),
+            (x, y),
+            (0, lift if place % 2 == 0 else -14.0),
+            textcoords="offset points",
+            ha="center",
+        )
 
 
 def _parallel(moment: Moment, index: int) -> Segment:
