@@ -30,13 +30,17 @@ def scene_of(walls, cylinders=(), roughness=0.0):
 def widest_heard_deg(scene, x, y, bearing_rad, kind):
     """Largest angle off a source's bearing at which the first echo is still of its kind, [deg]."""
     angles = np.arange(0.0, 25.0, 0.01)
-    discs = np.column_stack([np.full_like(angles, x), np.full_like(angles, y), bearing_rad + np.radians(angles)])
+    discs = np.column_stack(
+        [np.full_like(angles, x), np.full_like(angles, y), bearing_rad + np.radians(angles)]
+    )
     kinds = echoes(scene, discs, SonarPhysics(ghost_order=1))[1]
     heard = np.flatnonzero(kinds == kind)
     return angles[heard[-1]] if len(heard) else 0.0
 
 
-@pytest.mark.parametrize(("distance_m", "half_angle_deg"), [(0.5, 13.6), (1.0, 12.5), (2.0, 11.3), (5.0, 9.5)])
+@pytest.mark.parametrize(
+    ("distance_m", "half_angle_deg"), [(0.5, 13.6), (1.0, 12.5), (2.0, 11.3), (5.0, 9.5)]
+)
 def test_a_plane_is_heard_within_the_half_angle_of_its_distance(distance_m, half_angle_deg):
     scene = scene_of([(distance_m - 0.01, -9, distance_m - 0.01, 9)])
     assert widest_heard_deg(scene, 0.0, 0.0, 0.0, acoustics.PLANE) == pytest.approx(half_angle_deg, abs=0.06)
@@ -154,5 +158,9 @@ def test_cutting_a_wall_in_two_changes_no_ping():
     whole = scene_of([(-2, 1, 2, 1), (-2, -1, 2, -1)])
     cut = scene_of([(-2, 1, 0.123, 1), (0.123, 1, 2, 1), (-2, -1, 2, -1)])
     rng = np.random.default_rng(3)
-    discs = np.column_stack([rng.uniform(-1, 1, (300, 1)), rng.uniform(-0.9, 0.9, (300, 1)), rng.uniform(-3, 3, (300, 1))])
-    np.testing.assert_allclose(echoes(whole, discs, SonarPhysics())[0], echoes(cut, discs, SonarPhysics())[0], atol=1e-9)
+    discs = np.column_stack(
+        [rng.uniform(-1, 1, (300, 1)), rng.uniform(-0.9, 0.9, (300, 1)), rng.uniform(-3, 3, (300, 1))]
+    )
+    np.testing.assert_allclose(
+        echoes(whole, discs, SonarPhysics())[0], echoes(cut, discs, SonarPhysics())[0], atol=1e-9
+    )
