@@ -87,6 +87,7 @@ class Explorer:
         self._put_aside: list[tuple[float, float]] = []
         self._tried: dict[int, int] = {}
         self._paths: SafePaths
+        self._planned_for: tuple[int, float, float, int] | None = None
         self._second_chances = SECOND_CHANCES
         self.gave_up = False
         """Whether all that is left are places that were put aside because the way to them was shut."""
@@ -142,10 +143,10 @@ class Explorer:
     def _second_chance(self, pose: Pose, chains: Sequence[Chain], scans: Array) -> tuple[Candidate, ...]:
         """What was shut may have been a drifted map: forget it, a few times, before calling the rest unreachable."""
         shut, put_aside = self._shut, self._put_aside
-        self._shut, self._put_aside = [], []
+        self._shut, self._put_aside, self._planned_for = [], [], None
         candidates = self._candidates(self._plan(pose), chains, scans)
         if candidates and self._second_chances == 0:
-            self._shut, self._put_aside, self.gave_up = shut, put_aside, True
+            self._shut, self._put_aside, self._planned_for, self.gave_up = shut, put_aside, None, True
             return ()
         self._second_chances -= bool(candidates)
         return candidates
@@ -187,15 +188,22 @@ class Explorer:
     def _map(self) -> None:
         poses = [entry.pose for entry in self._slam.scans]
         self.grid = self._mapper.draw(poses, self._looks, np.array(self._trail))
+        self._planned_for = None
 
     def _plan(self, pose: Pose) -> SafePaths:
+        """Safe paths from here; the last ones again where neither the map nor the robot has changed."""
+        key = (id(self.grid), pose.x, pose.y, len(self._shut))
+        if key == self._planned_for:
+            return self._paths
+        self._planned_for = key
         recent = [points for scans, points in self._shut if len(self._looks) - scans < SHUT_FOR_SCANS]
         shut = np.vstack(recent) if recent else None
-        return SafePaths(self.grid, pose.x, pose.y, self._body.radius_m, self._config.planning, shut)
+        self._paths = SafePaths(self.grid, pose.x, pose.y, self._body.radius_m, self._config.planning, shut)
+        return self._paths
 
     def _way(self, candidate: Candidate) -> Array | None:
         pose = self.pose()
-        self._paths = paths = self._plan(pose)
+        paths = self._plan(pose)
         path = paths.to(candidate.x, candidate.y)
         if path is None:
             return None

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 from skimage.measure import label, regionprops
 
-from sonar_explore.mapping.grid import FREE, OCCUPIED, UNKNOWN, Mask
+from sonar_explore.mapping.grid import FREE, UNKNOWN, Mask
 from sonar_explore.mapping.occupancy import OccupancyGrid
 
 _EIGHT = np.ones((3, 3), dtype=bool)
@@ -33,8 +33,7 @@ def passable(grid: OccupancyGrid, body_radius_m: float) -> Mask:
 
     A gap that the body cannot pass is no way, so nothing behind it counts as a frontier.
     """
-    distance = ndimage.distance_transform_edt(grid.states != OCCUPIED) * grid.frame.resolution_m
-    return np.asarray(distance > body_radius_m)
+    return np.asarray(grid.to_walls_m > body_radius_m)
 
 
 def find_frontiers(grid: OccupancyGrid, body_radius_m: float, min_length_m: float) -> tuple[Frontier, ...]:

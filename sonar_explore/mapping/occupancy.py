@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from scipy.spatial import cKDTree
 
 from sonar_explore.geometry import Array, Pose, wrap_angle
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States
-from sonar_explore.mapping.sectors import cut_at_walls, mark_sector, mark_segments
+from sonar_explore.mapping.sectors import Sectors, cut_at_walls, mark_segments
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.features import Feature, FeatureKind, compensated_ranges
 
@@ -73,6 +74,11 @@ class OccupancyGrid:
     frame: GridFrame
     states: States
     """UNKNOWN, FREE or OCCUPIED, shape (rows, columns)."""
+
+    @cached_property
+    def to_walls_m(self) -> Array:
+        """Distance of each cell to the nearest occupied one, shape (rows, columns), [m]."""
+        return np.asarray(ndimage.distance_transform_edt(self.states != OCCUPIED) * self.frame.resolution_m)
 
     @property
     def free(self) -> Mask:
@@ -154,6 +160,7 @@ class OccupancyMapper:
         self._body = body_radius_m
         self._reach = reach_m
         self._frame: GridFrame | None = None
+        self._sectors = Sectors()
         self.points: Array = np.zeros((0, 2))
         """Corners, edges and columns as last drawn, x y, shape (n, 2), map frame, [m]."""
 
@@ -179,17 +186,16 @@ class OccupancyMapper:
         fresh = scan[~pivots] >= len(looks) - cfg.fresh_scans
         mark_segments(frame, wall_evidence, walls[fresh], cfg.fresh_weight)
         _add_cells(frame, wall_evidence, points, cfg.point_weight)
-        core = np.zeros(frame.shape)
-        cleared = np.zeros(frame.shape, dtype=np.int32)
         gaps = bridges(np.vstack([walls, np.hstack([feet, feet])]), 2.0 * self._body)
         barriers = np.vstack([walls, gaps])
+        self._sectors.resize(frame)
         for i, (pose, look) in enumerate(zip(poses, looks, strict=True)):
             own = _placed([pose], [look.continuations[~pivots[scan == i]]])
             clear = cut_at_walls(pose.x, pose.y, pose.heading, look.clear_m, barriers, own, cfg.wall_margin_m)
-            mark_sector(frame, cleared, pose, clear)
-            mark_sector(frame, core, pose, look.core_m, cfg.core_weight)
-        body = _disc_trail(frame, trail, self._body)
-        against = core + cfg.body_weight * body
+            self._sectors.put(i, pose, clear, look.core_m)
+        cleared, core = self._sectors.cleared, self._sectors.core
+        body = self._sectors.trail(trail, self._body)
+        against = cfg.core_weight * core + cfg.body_weight * body
         bridged = np.zeros(frame.shape)
         mark_segments(frame, bridged, gaps, cfg.wall_weight)
         support = np.maximum(wall_evidence, bridged)
@@ -274,14 +280,3 @@ def _add_cells(frame: GridFrame, evidence: Array, points: Array, weight: float) 
     cells = np.unique(frame.cells(points), axis=0)
     cells = cells[frame.contains(cells)]
     evidence[cells[:, 0], cells[:, 1]] += weight
-
-
-def _disc_trail(frame: GridFrame, trail: Array, radius_m: float) -> Mask:
-    """Cells that the body has covered."""
-    been = np.ones(frame.shape, dtype=bool)
-    cells = frame.cells(trail)
-    cells = cells[frame.contains(cells)]
-    been[cells[:, 0], cells[:, 1]] = False
-    return np.asarray(
-        ndimage.distance_transform_edt(been) * frame.resolution_m <= radius_m - 0.5 * frame.resolution_m
-    )

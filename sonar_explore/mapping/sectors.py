@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array, Pose
-from sonar_explore.mapping.grid import GridFrame
+from sonar_explore.mapping.grid import GridFrame, Mask
+
+Counts = NDArray[np.int32]
 
 
 def cut_at_walls(
@@ -28,9 +31,62 @@ def cut_at_walls(
     return np.maximum(out, 0.0)
 
 
-def mark_sector(frame: GridFrame, counts: np.ndarray, pose: Pose, clear_m: Array, weight: float = 1) -> None:
-    """Add a weight to each cell whose centre lies within the clear part of its direction."""
-    _mark(counts, frame.x0, frame.y0, frame.resolution_m, pose.x, pose.y, pose.heading, clear_m, weight)
+class Sectors:
+    """How many scans have cleared each cell; a scan that moved or was cut anew is taken off and put on again."""
+
+    def __init__(self) -> None:
+        self._frame: GridFrame | None = None
+        self._put: list[tuple[Pose, Array, Array]] = []
+        self._trail = 0
+        self.cleared: Counts = np.zeros((0, 0), dtype=np.int32)
+        """By any reading, shape (rows, columns)."""
+        self.core: Counts = np.zeros((0, 0), dtype=np.int32)
+        """For certain, shape (rows, columns)."""
+        self._body: Counts = np.zeros((0, 0), dtype=np.int32)
+
+    def resize(self, frame: GridFrame) -> None:
+        """Go over to a grown frame; counts keep their places."""
+        old, self._frame = self._frame, frame
+        if old == frame:
+            return
+        for name in ("cleared", "core", "_body"):
+            grown = np.zeros(frame.shape, dtype=np.int32)
+            if old is not None:
+                row = round((old.y0 - frame.y0) / frame.resolution_m)
+                column = round((old.x0 - frame.x0) / frame.resolution_m)
+                grown[row : row + old.shape[0], column : column + old.shape[1]] = getattr(self, name)
+            setattr(self, name, grown)
+
+    def put(self, index: int, pose: Pose, clear_m: Array, core_m: Array) -> None:
+        """What a scan clears by direction, shape (n,) both, [m]; replaces what it cleared before."""
+        if index == len(self._put):
+            self._put.append((pose, clear_m, core_m))
+            self._mark(self._put[index], 1)
+            return
+        before = self._put[index]
+        if before[0] == pose and np.array_equal(before[1], clear_m):
+            return
+        self._mark(before, -1)
+        self._put[index] = (pose, clear_m, core_m)
+        self._mark(self._put[index], 1)
+
+    def trail(self, points: Array, radius_m: float) -> Mask:
+        """Cells that the body has covered, shape (rows, columns); `points` only ever grow, shape (n, 2), [m]."""
+        disc = np.full(8, radius_m - 0.5 * self._at[2])
+        for x, y in points[self._trail :]:
+            _mark(self._body, *self._at, x, y, 0.0, disc, 1)
+        self._trail = len(points)
+        return self._body > 0
+
+    @property
+    def _at(self) -> tuple[float, float, float]:
+        assert self._frame is not None
+        return self._frame.x0, self._frame.y0, self._frame.resolution_m
+
+    def _mark(self, put: tuple[Pose, Array, Array], count: int) -> None:
+        pose, clear, core = put
+        _mark(self.cleared, *self._at, pose.x, pose.y, pose.heading, clear, count)
+        _mark(self.core, *self._at, pose.x, pose.y, pose.heading, core, count)
 
 
 def mark_segments(frame: GridFrame, evidence: Array, segments: Array, weight: float) -> None:

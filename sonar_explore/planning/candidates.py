@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
 from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array
 from sonar_explore.mapping.frontiers import passable
-from sonar_explore.mapping.grid import OCCUPIED, UNKNOWN, Cells, Mask
+from sonar_explore.mapping.grid import UNKNOWN, Cells, Mask
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.planning.paths import SafePaths
 from sonar_explore.slam.chains import Chain
@@ -124,8 +123,7 @@ class CandidateFinder:
 
     def roomy(self, grid: OccupancyGrid) -> Mask:
         """Cells far enough from known walls for a scan, shape (rows, columns)."""
-        to_walls = ndimage.distance_transform_edt(grid.states != OCCUPIED) * grid.frame.resolution_m
-        return np.asarray(to_walls >= self._config.least_room_m)
+        return np.asarray(grid.to_walls_m >= self._config.least_room_m)
 
     def _lattice(self, grid: OccupancyGrid, paths: SafePaths, taken: Array) -> Cells:
         """In each square of the lattice, the reachable cell with the most room; none near a place taken."""

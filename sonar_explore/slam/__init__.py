@@ -7,8 +7,8 @@ from sonar_explore.geometry import Pose
 from sonar_explore.slam.base import ScanEntry, ScanUpdate, ScoredAssociation, Slam, SlamConfig
 from sonar_explore.slam.chains import Chain, ChainMap, Link
 from sonar_explore.slam.features import Feature, FeatureKind
-from sonar_explore.slam.smoothed import SmoothedSlam
 from sonar_explore.slam.slam import ChainSlam, DeadReckoning, KnownPose
+from sonar_explore.slam.smoothed import SmoothedSlam
 
 __all__ = [
     "SLAMS",
@@ -36,8 +36,9 @@ SLAMS: dict[str, type[ChainSlam]] = {
 
 
 def make_slam(name: str, start: Pose, config: SlamConfig | None = None) -> Slam:
-    """`chain` corrects the pose, `smoothed` all poses and chains, `off` trusts the odometry, `truth` is told every pose.
+    """Make the SLAM of this name.
 
+    `chain` corrects the pose, `smoothed` all poses and chains, `off` trusts the odometry, `truth` is told every pose.
     `literal` is `chain` to the paper's letter: it takes no configuration.
     """
     if name not in SLAMS:

@@ -60,9 +60,9 @@ class MotionSum:
         self._covariance = moved @ self._covariance @ moved.T
         along = self._walk.distance_m**2 * abs(forward)
         self._covariance[:2, :2] += along * np.array([[c * c, c * s], [c * s, s * s]])
-        self._covariance[2, 2] += (
-            self._walk.turn_rad**2 * abs(turn) / math.tau + self._walk.drift_rad**2 * abs(forward)
-        )
+        self._covariance[2, 2] += self._walk.turn_rad**2 * abs(
+            turn
+        ) / math.tau + self._walk.drift_rad**2 * abs(forward)
         self._change = self._change + (c * forward, s * forward, turn)
 
     @property

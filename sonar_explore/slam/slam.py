@@ -102,9 +102,7 @@ class ChainSlam:
             dangling=self.chains.dangling,
         )
 
-    def _believable(
-        self, associations: Sequence[Association], residuals: Residuals
-    ) -> NDArray[np.bool_]:
+    def _believable(self, associations: Sequence[Association], residuals: Residuals) -> NDArray[np.bool_]:
         """Which associations the odometry allows, shape (n,)."""
         return self._filter.believable(residuals)
 

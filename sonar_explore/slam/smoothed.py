@@ -78,9 +78,7 @@ class SmoothedSlam(ChainSlam):
         self.pose = poses[-1]
         self._filter.restart(*map(float, self._smoother.wheels))
 
-    def _believable(
-        self, associations: Sequence[Association], residuals: Residuals
-    ) -> NDArray[np.bool_]:
+    def _believable(self, associations: Sequence[Association], residuals: Residuals) -> NDArray[np.bool_]:
         """The odometry since the last scan, and how sure its pose is relative to each chain, bound both residuals."""
         spread = [self._smoother.uncertainty(a.chain) for a in associations]
         angle, distance = np.array(spread, dtype=float).reshape(-1, 2).T

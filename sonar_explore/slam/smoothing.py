@@ -1,7 +1,8 @@
 """Smoothing (beyond the paper): all scan poses, all chain lines and the wheels as one sparse least-squares problem.
 
-The paper moves nothing retroactively: when two chains merge, the gap stays in the map, and a root keeps the heading error
-of the scan that saw it. Here every scan pose and every chain's line is estimated from everything measured so far:
+The paper moves nothing retroactively: when two chains merge, the gap stays in the map, and a root keeps the
+heading error of the scan that saw it. Here every scan pose and every chain's line is estimated from everything
+measured so far:
 
 - odometry between scans, with its covariance and its dependence on the two constants of the wheels;
 - bearing and range of each associated feature to the line of its chain; a merge puts two chains on one line.

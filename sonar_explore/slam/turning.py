@@ -1,7 +1,7 @@
 """Edges, corners and columns that pass for walls, told by how they answer two scan positions (beyond the paper).
 
-When the robot moves along a wall, the foot of the normal moves with it and the normal keeps its direction. When it moves
-past an edge, a corner or a thin column, the foot stays and the normal turns about it.
+When the robot moves along a wall, the foot of the normal moves with it and the normal keeps its direction.
+When it moves past an edge, a corner or a thin column, the foot stays and the normal turns about it.
 """
 
 from __future__ import annotations
