@@ -50,7 +50,7 @@ class GridFrame:
         return np.all((cells >= 0) & (cells < self.shape), axis=1)
 
     def covering(
-        self, low: tuple[float, float], high: tuple[float, float], block_m: float = 4.0
+        self, low: tuple[float, float], high: tuple[float, float], block_m: float = 1.0
     ) -> GridFrame:
         """This frame, grown in whole blocks until it covers the box; cells keep their places."""
         block = round(block_m / self.resolution_m)

@@ -28,6 +28,7 @@ from sonar_explore.mapping.sectors import Sectors, cut_at_walls, mark_segments
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.features import Feature, FeatureKind, compensated_ranges
 
+MARGIN_M = 0.25  # of the grid beyond what a scan can reach
 BINS = 360
 """Directions in which a scan position keeps how far it is clear."""
 
@@ -206,8 +207,8 @@ class OccupancyMapper:
 
     def _covering(self, poses: Sequence[Pose]) -> GridFrame:
         xy = np.array([(p.x, p.y) for p in poses])
-        low = tuple(xy.min(axis=0) - self._reach - 0.5)
-        high = tuple(xy.max(axis=0) + self._reach + 0.5)
+        low = tuple(xy.min(axis=0) - self._reach - MARGIN_M)
+        high = tuple(xy.max(axis=0) + self._reach + MARGIN_M)
         if self._frame is None:
             res = self._config.resolution_m
             self._frame = GridFrame(

@@ -130,10 +130,11 @@ class CandidateFinder:
         cells = np.argwhere(paths.within & self.roomy(grid))
         if not len(cells):
             return cells
-        square = np.floor(grid.frame.centres(cells) / self._config.spacing_m).astype(np.int64)
+        column, row = np.floor(grid.frame.centres(cells) / self._config.spacing_m).astype(np.int64).T
+        square = (row - row.min()) * (column.max() - column.min() + 1) + column - column.min()
         room = np.round(paths.room_m[cells[:, 0], cells[:, 1]], 6)
-        order = np.lexsort((cells[:, 1], cells[:, 0], -room, square[:, 1], square[:, 0]))
-        _, first = np.unique(square[order], axis=0, return_index=True)
+        order = np.lexsort((cells[:, 1], cells[:, 0], -room, square))
+        _, first = np.unique(square[order], return_index=True)
         cells = cells[order[first]]
         if not len(taken):
             return cells
@@ -165,14 +166,26 @@ def new_area(cells: Cells, way: Mask, unseen: Mask, view_m: float, resolution_m:
     radius = np.arange(1, steps + 1)
     rows = np.round(radius[None, :] * np.sin(angle)[:, None]).astype(np.int64)
     columns = np.round(radius[None, :] * np.cos(angle)[:, None]).astype(np.int64)
-    margin = steps + 1
-    padded_way = np.pad(way, margin)
-    padded_unseen = np.pad(unseen, margin)
-    share = 2.0 * math.pi * radius * resolution_m**2 / RAYS
+    share = 2.0 * math.pi * resolution_m**2 / RAYS
+    return share * _seen_from(cells, way, unseen, rows, columns)
+
+
+@kernel
+def _seen_from(cells, way, unseen, rows, columns):  # type: ignore[no-untyped-def]
+    """Sum of the radii, in cells, at which each cell's rays meet unseen cells before the way ends."""
     out = np.zeros(len(cells))
-    for i, (row, column) in enumerate(cells + margin):
-        clear = np.logical_and.accumulate(padded_way[row + rows, column + columns], axis=1)
-        out[i] = ((clear & padded_unseen[row + rows, column + columns]) * share).sum()
+    for i in range(len(cells)):
+        total = 0
+        for ray in range(rows.shape[0]):
+            for k in range(rows.shape[1]):
+                row, column = cells[i, 0] + rows[ray, k], cells[i, 1] + columns[ray, k]
+                if row < 0 or column < 0 or row >= way.shape[0] or column >= way.shape[1]:
+                    break
+                if not way[row, column]:
+                    break
+                if unseen[row, column]:
+                    total += k + 1
+        out[i] = total
     return out
 
 

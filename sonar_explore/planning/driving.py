@@ -105,8 +105,9 @@ class Driver:
     def _to(self, x: float, y: float, room: Callable[[float, float], float]) -> DriveReport | None:
         """One straight bit; None once there."""
         cfg, body = self._config, self._body
+        self._here = self._pose()
         while self._ticks < cfg.most_ticks:
-            here = self._pose()
+            here = self._here
             distance = math.hypot(x - here.x, y - here.y)
             error = wrap_angle(math.atan2(y - here.y, x - here.x) - here.heading)
             if distance <= cfg.arrived_m or (distance <= 2.0 * cfg.arrived_m and abs(error) > math.pi / 2):
@@ -141,7 +142,8 @@ class Driver:
     def _tick(self, speed_m_s: float, turn_rate_rad_s: float) -> None:
         self._ticks += 1
         self._robot.tick(speed_m_s, turn_rate_rad_s)
-        self._echoes.note(self._pose(), self._robot.ring_m)
+        self._here = self._pose()
+        self._echoes.note(self._here, self._robot.ring_m)
 
     def _turn_rate(self, error_rad: float) -> float:
         rate = error_rad / self._body.ping_interval_s

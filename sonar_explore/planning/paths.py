@@ -53,8 +53,9 @@ class SafePaths:
         least = body_radius_m + config.margin_m
         cost = np.where(room >= least, _cost(room, least, config), np.inf)
         start = grid.frame.cell(x, y)
-        rows, columns = np.indices(grid.frame.shape)
-        near = np.hypot(rows - start[0], columns - start[1]) * res <= config.escape_m
+        rows = np.arange(grid.frame.shape[0])[:, None] - start[0]
+        columns = np.arange(grid.frame.shape[1])[None, :] - start[1]
+        near = rows**2 + columns**2 <= (config.escape_m / res) ** 2
         leave = near & (room < least) & (grid.states != OCCUPIED)
         cost[leave] = 1.0 + 2.0 * config.comfort_weight
         cost[start] = 1.0

@@ -20,6 +20,7 @@ from sonar_explore.measurement import Scan
 from sonar_explore.slam.residuals import Residuals
 
 X, Y, HEADING, TURN, BEND = range(5)
+SPREAD_EVERY_M = 0.05  # the covariance is carried along in bits of this length
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,7 @@ class OdometryFilter:
         """True over measured turn, less one."""
         self.bend_rad_m = 0.0
         """Bend of a straight drive, [rad/m]."""
+        self._forward_m = self._turn_rad = self._heading_rad = 0.0
         self.covariance: Array = np.diag([0.0, 0.0, 0.0, config.turn_error**2, config.bend_rad_m**2])
         """Of x, y [m], heading [rad], turn error and bend [rad/m], shape (5, 5)."""
 
@@ -71,7 +73,11 @@ class OdometryFilter:
         if not self.config.enabled:
             return pose @ step
         step = replace(step, heading=turn * (1.0 + self.turn_error) + step.x * self.bend_rad_m)
-        self._spread(pose.heading, step.x, turn)
+        self._forward_m += step.x
+        self._turn_rad += turn
+        self._heading_rad = pose.heading
+        if abs(self._forward_m) > SPREAD_EVERY_M:
+            self._spread()
         return pose @ step
 
     def unsmeared(self, scan: Scan) -> Scan:
@@ -83,6 +89,7 @@ class OdometryFilter:
     def restart(self, turn_error: float, bend_rad_m: float) -> None:
         """Take the pose for sure and the wheels as given: somebody else keeps their uncertainty."""
         self.turn_error, self.bend_rad_m = turn_error, bend_rad_m
+        self._spread()
         self.covariance = np.zeros((5, 5))
 
     def believable(
@@ -97,6 +104,7 @@ class OdometryFilter:
         n = len(residuals.adr_rad)
         if not self.config.enabled:
             return np.ones(n, dtype=bool)
+        self._spread()
         cfg, p = self.config, self.covariance
         angle = np.sqrt(p[HEADING, HEADING] + cfg.bearing_rad**2 + angle_rad**2)
         across = np.einsum("ni,ij,nj->n", residuals.normals, p[:2, :2], residuals.normals)
@@ -116,6 +124,7 @@ class OdometryFilter:
         n = len(residuals.adr_rad)
         if n == 0:
             return pose
+        self._spread()
         cfg = self.config
         jacobian = np.zeros((2 * n, 5))
         jacobian[:n, HEADING] = 1.0
@@ -139,8 +148,13 @@ class OdometryFilter:
             pose.x + float(change[X]), pose.y + float(change[Y]), pose.heading + float(change[HEADING])
         )
 
-    def _spread(self, heading: float, forward_m: float, turn_rad: float) -> None:
+    def _spread(self) -> None:
+        """Let the covariance grow by the motion since the last call."""
         cfg = self.config
+        forward_m, turn_rad, heading = self._forward_m, self._turn_rad, self._heading_rad
+        self._forward_m = self._turn_rad = 0.0
+        if forward_m == 0.0 and turn_rad == 0.0:
+            return
         c, s = math.cos(heading), math.sin(heading)
         motion = np.eye(5)
         motion[X, HEADING], motion[Y, HEADING] = -s * forward_m, c * forward_m
