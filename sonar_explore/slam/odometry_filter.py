@@ -62,7 +62,7 @@ class OdometryFilter:
         """True over measured turn, less one."""
         self.bend_rad_m = 0.0
         """Bend of a straight drive, [rad/m]."""
-        self._forward_m = self._turn_rad = self._heading_rad = 0.0
+        self._forward_m = self._turn_rad = self._turned_rad = self._heading_rad = 0.0
         self.covariance: Array = np.diag([0.0, 0.0, 0.0, config.turn_error**2, config.bend_rad_m**2])
         """Of x, y [m], heading [rad], turn error and bend [rad/m], shape (5, 5)."""
 
@@ -75,6 +75,7 @@ class OdometryFilter:
         step = replace(step, heading=turn * (1.0 + self.turn_error) + step.x * self.bend_rad_m)
         self._forward_m += step.x
         self._turn_rad += turn
+        self._turned_rad += abs(turn)
         self._heading_rad = pose.heading
         if abs(self._forward_m) > SPREAD_EVERY_M:
             self._spread()
@@ -152,8 +153,9 @@ class OdometryFilter:
         """Let the covariance grow by the motion since the last call."""
         cfg = self.config
         forward_m, turn_rad, heading = self._forward_m, self._turn_rad, self._heading_rad
-        self._forward_m = self._turn_rad = 0.0
-        if forward_m == 0.0 and turn_rad == 0.0:
+        turned_rad = self._turned_rad
+        self._forward_m = self._turn_rad = self._turned_rad = 0.0
+        if forward_m == 0.0 and turned_rad == 0.0:
             return
         c, s = math.cos(heading), math.sin(heading)
         motion = np.eye(5)
@@ -166,5 +168,5 @@ class OdometryFilter:
         p[Y, Y] += s * s * noise
         p[X, Y] += c * s * noise
         p[Y, X] += c * s * noise
-        p[HEADING, HEADING] += cfg.turn_rad**2 * abs(turn_rad) / math.tau + cfg.drift_rad**2 * distance
+        p[HEADING, HEADING] += cfg.turn_rad**2 * turned_rad / math.tau + cfg.drift_rad**2 * distance
         self.covariance = p
