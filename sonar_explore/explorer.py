@@ -20,9 +20,9 @@ from sonar_explore.slam import Chain, ScanUpdate, Slam
 
 MIN_FRONTIER_M = 0.15
 MAX_REPLANS = 4
-SECOND_CHANCES = 3  # times that places which were shut or put aside are tried again before giving up
+SECOND_CHANCES = 1  # times that places which were put aside are tried again before giving up
 POINT_WITHIN_M = 0.12
-SHUT_FOR_SCANS = 8  # after so many scans a place that was found shut may be tried again
+FAMILIAR_M = 0.35
 BACK_OFF_M_S, BACK_OFF_TICKS = 0.1, 20
 
 
@@ -81,14 +81,16 @@ class Explorer:
         )
         self._looks: list[Look] = []
         self._trail: list[tuple[float, float]] = []
-        self._shut: list[tuple[int, Array]] = []
+        self._obstacles: list[tuple[int, Array]] = []
+        """Where the ring shut the way: index of the last scan, and a piece of wall in its robot frame."""
         self._leg_trail: list[Pose] = []
         self._driver = Driver(robot, body, self._traced, self._is_point, config.driving)
         self._put_aside: list[tuple[float, float]] = []
         self._tried: dict[int, int] = {}
         self._paths: SafePaths
-        self._planned_for: tuple[int, float, float, int] | None = None
+        self._planned_for: tuple[int, float, float, bool] | None = None
         self._second_chances = SECOND_CHANCES
+        self._daring = False
         self.gave_up = False
         """Whether all that is left are places that were put aside because the way to them was shut."""
         self.grid: OccupancyGrid
@@ -125,7 +127,7 @@ class Explorer:
         chains = self._slam.chains.chains
         scans = np.array([(e.pose.x, e.pose.y) for e in self._slam.scans])
         candidates = self._candidates(paths, chains, scans)
-        if not candidates and (self._shut or self._put_aside):
+        if not candidates:
             candidates = self._second_chance(pose, chains, scans)
         return Situation(
             pose=pose,
@@ -141,12 +143,12 @@ class Explorer:
         return self._finder.find(self.grid, paths, chains, scans, put_aside, self._tried)
 
     def _second_chance(self, pose: Pose, chains: Sequence[Chain], scans: Array) -> tuple[Candidate, ...]:
-        """What was shut may have been a drifted map: forget it, a few times, before calling the rest unreachable."""
-        shut, put_aside = self._shut, self._put_aside
-        self._shut, self._put_aside, self._planned_for = [], [], None
+        """Before calling the rest unreachable: go nearer to the unknown, and try again what was put aside."""
+        self._daring = True
+        put_aside, self._put_aside = self._put_aside, []
         candidates = self._candidates(self._plan(pose), chains, scans)
         if candidates and self._second_chances == 0:
-            self._shut, self._put_aside, self._planned_for, self.gave_up = shut, put_aside, None, True
+            self._put_aside, self.gave_up = put_aside, bool(put_aside)
             return ()
         self._second_chances -= bool(candidates)
         return candidates
@@ -167,7 +169,7 @@ class Explorer:
                 break
             first = path if first is None else first
             leg = self._first_leg(path)
-            report = self._driver.follow(leg, self._paths.room_at)
+            report = self._driver.follow(leg, self._familiar())
             end = report.end
             if end is DriveEnd.ARRIVED:
                 end = end if leg is path else DriveEnd.UNDERWAY
@@ -187,18 +189,19 @@ class Explorer:
 
     def _map(self) -> None:
         poses = [entry.pose for entry in self._slam.scans]
-        self.grid = self._mapper.draw(poses, self._looks, np.array(self._trail))
+        obstacles = [poses[i].transform(o.reshape(-1, 2)).reshape(-1, 4) for i, o in self._obstacles]
+        walls = np.vstack(obstacles) if obstacles else np.zeros((0, 4))
+        self.grid = self._mapper.draw(poses, self._looks, np.array(self._trail), walls)
         self._planned_for = None
 
     def _plan(self, pose: Pose) -> SafePaths:
         """Safe paths from here; the last ones again where neither the map nor the robot has changed."""
-        key = (id(self.grid), pose.x, pose.y, len(self._shut))
+        key = (id(self.grid), pose.x, pose.y, self._daring)
         if key == self._planned_for:
             return self._paths
         self._planned_for = key
-        recent = [points for scans, points in self._shut if len(self._looks) - scans < SHUT_FOR_SCANS]
-        shut = np.vstack(recent) if recent else None
-        self._paths = SafePaths(self.grid, pose.x, pose.y, self._body.radius_m, self._config.planning, shut)
+        config, radius = self._config.planning, self._body.radius_m
+        self._paths = SafePaths(self.grid, pose.x, pose.y, radius, config, daring=self._daring)
         return self._paths
 
     def _way(self, candidate: Candidate) -> Array | None:
@@ -226,6 +229,16 @@ class Explorer:
         corners = path[: np.searchsorted(np.cumsum(np.hypot(*np.diff(path, axis=0).T)), driven[stop]) + 1]
         return np.vstack([corners, points[stop : stop + 1]])
 
+    def _familiar(self) -> Callable[[float, float], float]:
+        """Room of a place on the map; none where the body has not been near, for the map may miss a wall there."""
+        trail, paths = np.array(self._trail), self._paths
+
+        def room(x: float, y: float) -> float:
+            been = (np.abs(trail[:, 0] - x) + np.abs(trail[:, 1] - y)).min() <= FAMILIAR_M
+            return paths.room_at(x, y) if been else 0.0
+
+        return room
+
     def _traced(self) -> Pose:
         """`pose`, noting the way every 5 cm."""
         here = self.pose()
@@ -235,7 +248,11 @@ class Explorer:
         return here
 
     def _remember_shut(self, report: DriveReport) -> None:
-        self._shut.append((len(self._looks), self.pose().transform(report.obstacle)))
+        scan = self._slam.scans[-1].pose
+        in_scan = scan.inverse() @ self.pose()
+        first, last = in_scan.transform(report.obstacle[[0, -1]])
+        self._obstacles.append((len(self._looks) - 1, np.array([[*first, *last]])))
+        self._map()
         if report.end is DriveEnd.BUMPED:  # back off, the way the body came
             for _ in range(BACK_OFF_TICKS):
                 self._robot.tick(-BACK_OFF_M_S, 0.0)

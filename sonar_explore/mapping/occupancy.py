@@ -165,13 +165,16 @@ class OccupancyMapper:
         self.points: Array = np.zeros((0, 2))
         """Corners, edges and columns as last drawn, x y, shape (n, 2), map frame, [m]."""
 
-    def draw(self, poses: Sequence[Pose], looks: Sequence[Look], trail: Array) -> OccupancyGrid:
+    def draw(
+        self, poses: Sequence[Pose], looks: Sequence[Look], trail: Array, obstacles: Array
+    ) -> OccupancyGrid:
         """The grid of these scans at these poses.
 
         Args:
             poses: `pose_robot_in_map` of each scan, as now believed.
             looks: evidence of each scan.
             trail: where the body has been, shape (n, 2), map frame, [m].
+            obstacles: pieces of wall that stood in the way of a drive, shape (k, 4), map frame, [m].
         """
         cfg = self._config
         frame = self._covering(poses)
@@ -186,6 +189,8 @@ class OccupancyMapper:
         mark_segments(frame, wall_evidence, walls, cfg.wall_weight)
         fresh = scan[~pivots] >= len(looks) - cfg.fresh_scans
         mark_segments(frame, wall_evidence, walls[fresh], cfg.fresh_weight)
+        mark_segments(frame, wall_evidence, obstacles, cfg.wall_weight)
+        walls = np.vstack([walls, obstacles])
         _add_cells(frame, wall_evidence, points, cfg.point_weight)
         gaps = bridges(np.vstack([walls, np.hstack([feet, feet])]), 2.0 * self._body)
         barriers = np.vstack([walls, gaps])

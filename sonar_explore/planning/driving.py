@@ -31,7 +31,7 @@ class DrivingConfig:
     """Off by more than this the robot turns on the spot, [rad]."""
     tight_m: float = 0.45
     """With less room than this the robot looks left and right as it goes, [m]."""
-    glance_rad: float = math.radians(16.0)
+    glance_rad: float = math.radians(12.0)
     """How far it turns for that: the ring's gap between 41 and 90 degrees closes, [rad]."""
     glance_every_m: float = 0.4
     """How often, [m]."""
@@ -88,7 +88,7 @@ class Driver:
         """Drive along a path, shape (n, 2), map frame, [m]; stop where something is in the way.
 
         Args:
-            room: distance of a place (x, y) from what is not known to be free, [m].
+            room: distance of a place (x, y) from what is not known to be free, [m]; 0 where that is not to be trusted.
         """
         self._ticks = 0
         self._since_glance = math.inf
@@ -132,7 +132,7 @@ class Driver:
 
     def _glance(self) -> None:
         """Turn a little left and right: the discs sweep over what lies between their axes."""
-        rate = self._body.turn_rate_max_rad_s
+        rate = 0.5 * self._body.turn_rate_max_rad_s  # so that each disc fires every 8 degrees
         ticks = math.ceil(self._config.glance_rad / (rate * self._body.ping_interval_s))
         for direction, count in ((1, ticks), (-1, 2 * ticks), (1, ticks)):
             for _ in range(count):

@@ -16,6 +16,8 @@ from sonar_explore.geometry import Array
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask
 from sonar_explore.mapping.occupancy import OccupancyGrid
 
+TOLERANCES_M = (0.10, 0.05, 0.025)  # how far a straightened path may leave the cells of the cheapest one
+
 
 @dataclass(frozen=True)
 class PlanningConfig:
@@ -23,7 +25,7 @@ class PlanningConfig:
 
     margin_m: float = 0.04
     """Least room beside the body, [m]."""
-    comfort_m: float = 0.35
+    comfort_m: float = 0.45
     """Distance from walls below which a path costs more, [m]."""
     comfort_weight: float = 6.0
     """How many times dearer a cell at the least room is than one in the open."""
@@ -31,6 +33,8 @@ class PlanningConfig:
     """Unknown specks up to this size inside free space do not shut it, [m2]."""
     leg_m: float = 1.5
     """A longer way is driven in legs of about this length, with a scan after each, [m]."""
+    unknown_credit_m: float = 0.08
+    """When nothing else is left, the unknown may come nearer than a wall by this, [m]."""
     escape_m: float = 0.30
     """From a start without room a path may first leave it within this distance, [m]."""
 
@@ -45,11 +49,21 @@ class SafePaths:
         y: float,
         body_radius_m: float,
         config: PlanningConfig,
-        shut: Array | None = None,
+        daring: bool = False,
     ) -> None:
+        """
+        Args:
+            grid: the map.
+            x, y: where the paths begin, map frame, [m].
+            body_radius_m: of the disc that must pass, [m].
+            config: how much room a path keeps.
+            daring: whether to go nearer to the unknown, though no nearer to walls.
+        """
         self.frame: GridFrame = grid.frame
         res = grid.frame.resolution_m
-        room = clearance(grid, config, shut)
+        room = clearance(grid, config)
+        if daring:
+            room = np.minimum(room + config.unknown_credit_m, grid.to_walls_m - 0.5 * res)
         least = body_radius_m + config.margin_m
         cost = np.where(room >= least, _cost(room, least, config), np.inf)
         start = grid.frame.cell(x, y)
@@ -86,19 +100,11 @@ class SafePaths:
         return self.frame.centres(cells)
 
 
-def clearance(grid: OccupancyGrid, config: PlanningConfig, shut: Array | None = None) -> Array:
-    """Distance of each cell to the nearest one that is not free, small unknown specks apart; (rows, columns), [m].
-
-    Args:
-        shut: places where the way was found shut, x y, shape (n, 2), map frame, [m].
-    """
+def clearance(grid: OccupancyGrid, config: PlanningConfig) -> Array:
+    """Distance of each cell to the nearest one that is not free, small unknown specks apart; (rows, columns), [m]."""
     res = grid.frame.resolution_m
     free: Mask = remove_small_holes(grid.states == FREE, max_size=round(config.speck_m2 / res**2))
     free = free & (grid.states != OCCUPIED)
-    if shut is not None and len(shut):
-        cells = grid.frame.cells(shut)
-        cells = cells[grid.frame.contains(cells)]
-        free[cells[:, 0], cells[:, 1]] = False
     return np.asarray((ndimage.distance_transform_edt(free) - 0.5) * res)
 
 
@@ -107,13 +113,17 @@ def _cost(room: Array, least: float, config: PlanningConfig) -> Array:
     return np.asarray(1.0 + config.comfort_weight * lack**2)
 
 
-def straightened(path: Array, room_m: Array, frame: GridFrame, tolerance_m: float = 0.06) -> Array:
-    """Fewer corners on nearly the same way, shape (k, 2), [m]; shortcuts keep the room that the path had."""
-    if len(path) <= 2:
-        return path
-    simple = approximate_polygon(path, tolerance_m)
-    least = _least_room(path, room_m, frame)
-    return simple if _least_room(sampled(simple, frame.resolution_m), room_m, frame) >= least - 0.03 else path
+def straightened(path: Array, room_m: Array, frame: GridFrame, enough_m: float = 0.32) -> Array:
+    """Fewer corners on nearly the same way, shape (k, 2), [m].
+
+    A shortcut keeps the least room that the path had, or `enough_m` where that is less.
+    """
+    least = min(enough_m, _least_room(path, room_m, frame))
+    for tolerance in TOLERANCES_M:
+        simple = approximate_polygon(path, tolerance)
+        if _least_room(sampled(simple, frame.resolution_m), room_m, frame) >= least:
+            return np.asarray(simple)
+    return path
 
 
 def path_length(path: Array) -> float:
