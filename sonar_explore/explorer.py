@@ -146,6 +146,9 @@ class Explorer:
         """Before calling the rest unreachable: go nearer to the unknown, and try again what was put aside."""
         self._daring = True
         put_aside, self._put_aside = self._put_aside, []
+        if self._second_chances and self._obstacles:
+            self._obstacles = []
+            self._map()
         candidates = self._candidates(self._plan(pose), chains, scans)
         if candidates and self._second_chances == 0:
             self._put_aside, self.gave_up = put_aside, bool(put_aside)
@@ -184,7 +187,7 @@ class Explorer:
 
     def _is_point(self, x: float, y: float) -> bool:
         """Whether the map has an edge, a corner or a thin column at a place."""
-        off = np.hypot(*(self._mapper.points - (x, y)).T)
+        off = np.hypot(*(self._mapper.recent_points - (x, y)).T)
         return bool((off <= POINT_WITHIN_M).any())
 
     def _map(self) -> None:
@@ -250,7 +253,10 @@ class Explorer:
     def _remember_shut(self, report: DriveReport) -> None:
         scan = self._slam.scans[-1].pose
         in_scan = scan.inverse() @ self.pose()
-        first, last = in_scan.transform(report.obstacle[[0, -1]])
+        # the middle of the piece is sure: the echo came from there
+        first, last = in_scan.transform(
+            report.obstacle[[1, -2]] if len(report.obstacle) > 2 else report.obstacle[[0, -1]]
+        )
         self._obstacles.append((len(self._looks) - 1, np.array([[*first, *last]])))
         self._map()
         if report.end is DriveEnd.BUMPED:  # back off, the way the body came

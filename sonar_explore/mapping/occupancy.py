@@ -29,6 +29,7 @@ from sonar_explore.measurement import Scan
 from sonar_explore.slam.features import Feature, FeatureKind, compensated_ranges
 
 MARGIN_M = 0.25  # of the grid beyond what a scan can reach
+RECENT_SCANS = 6
 BINS = 360
 """Directions in which a scan position keeps how far it is clear."""
 
@@ -162,8 +163,8 @@ class OccupancyMapper:
         self._reach = reach_m
         self._frame: GridFrame | None = None
         self._sectors = Sectors()
-        self.points: Array = np.zeros((0, 2))
-        """Corners, edges and columns as last drawn, x y, shape (n, 2), map frame, [m]."""
+        self.recent_points: Array = np.zeros((0, 2))
+        """Corners, edges and columns that the last scans saw, x y, shape (n, 2), map frame, [m]."""
 
     def draw(
         self, poses: Sequence[Pose], looks: Sequence[Look], trail: Array, obstacles: Array
@@ -183,12 +184,16 @@ class OccupancyMapper:
         pivots = pivot_points(walls, scan, cfg)
         feet = 0.5 * (walls[pivots, :2] + walls[pivots, 2:])
         points = np.vstack([feet, *(p.transform(look.points) for p, look in zip(poses, looks, strict=True))])
-        self.points = points
+        recent = len(looks) - RECENT_SCANS
+        placed = zip(poses[max(0, recent) :], looks[max(0, recent) :], strict=True)
+        fresh_feet = feet[scan[pivots] >= recent]
+        self.recent_points = np.vstack([fresh_feet, *(p.transform(look.points) for p, look in placed)])
         walls = trimmed(walls[~pivots], points, cfg.trim_m)
         wall_evidence = np.zeros(frame.shape)
         mark_segments(frame, wall_evidence, walls, cfg.wall_weight)
         fresh = scan[~pivots] >= len(looks) - cfg.fresh_scans
         mark_segments(frame, wall_evidence, walls[fresh], cfg.fresh_weight)
+        obstacles = trimmed(obstacles, points, cfg.trim_m)
         mark_segments(frame, wall_evidence, obstacles, cfg.wall_weight)
         walls = np.vstack([walls, obstacles])
         _add_cells(frame, wall_evidence, points, cfg.point_weight)

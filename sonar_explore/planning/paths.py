@@ -35,6 +35,8 @@ class PlanningConfig:
     """A longer way is driven in legs of about this length, with a scan after each, [m]."""
     unknown_credit_m: float = 0.08
     """When nothing else is left, the unknown may come nearer than a wall by this, [m]."""
+    daring_margin_m: float = -0.02
+    """And gaps that the map draws too narrow are tried: the ring of eight knows better there, [m]."""
     escape_m: float = 0.30
     """From a start without room a path may first leave it within this distance, [m]."""
 
@@ -57,14 +59,14 @@ class SafePaths:
             x, y: where the paths begin, map frame, [m].
             body_radius_m: of the disc that must pass, [m].
             config: how much room a path keeps.
-            daring: whether to go nearer to the unknown, though no nearer to walls.
+            daring: whether to go nearer to walls and to the unknown than one should.
         """
         self.frame: GridFrame = grid.frame
         res = grid.frame.resolution_m
         room = clearance(grid, config)
         if daring:
             room = np.minimum(room + config.unknown_credit_m, grid.to_walls_m - 0.5 * res)
-        least = body_radius_m + config.margin_m
+        least = body_radius_m + (config.daring_margin_m if daring else config.margin_m)
         cost = np.where(room >= least, _cost(room, least, config), np.inf)
         start = grid.frame.cell(x, y)
         rows = np.arange(grid.frame.shape[0])[:, None] - start[0]
