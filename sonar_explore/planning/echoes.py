@@ -1,8 +1,8 @@
 """What the ring of eight has heard near by, kept for a while: the last guard against touching a wall.
 
-An echo is taken for a short piece of wall square to the disc's axis, unless the map has an edge or a corner there.
-Between the axes at 41 and 90 degrees lies a gap in which no disc hears a wall; `planning.driving` turns left and
-right in tight places, so that this memory has no gap.
+An echo is taken for a short piece of wall about square to the disc's axis, unless the map has an edge or a corner
+there. Between the axes at 41 and 90 degrees lies a gap in which no disc hears a wall; `planning.driving` turns left
+and right in tight places, so that this memory has no gap.
 """
 
 from __future__ import annotations
@@ -17,6 +17,12 @@ from sonar_explore.geometry import Array, Pose
 
 HEARD_WITHIN_M = 0.8  # a wall farther away is no danger yet
 HALF_LENGTH_M = 0.25  # of the piece of wall that an echo stands for
+NORMALS_RAD = (
+    -math.radians(8.0),
+    0.0,
+    math.radians(8.0),
+)  # off the axis: a plane is heard over 12 degrees or so
+SCRAPE_M = 0.02  # nearer than the room to keep by this, going along a wall is too near as well
 KEPT_M = 1.0  # echoes farther from the robot are forgotten
 
 
@@ -36,9 +42,10 @@ class EchoMemory:
         rows = []
         for i in fired:
             disc = pose_robot_in_map @ self._body.sonars[i]
-            c, s = math.cos(disc.heading), math.sin(disc.heading)
-            x, y = disc.x + ring_m[i] * c, disc.y + ring_m[i] * s
-            rows.append((x, y, c, s, 0.0 if self._is_point(x, y) else HALF_LENGTH_M))
+            for off in NORMALS_RAD:
+                c, s = math.cos(disc.heading + off), math.sin(disc.heading + off)
+                x, y = disc.x + ring_m[i] * c, disc.y + ring_m[i] * s
+                rows.append((x, y, c, s, 0.0 if self._is_point(x, y) else HALF_LENGTH_M))
         if rows:
             near = np.hypot(*(self._pieces[:, :2] - (pose_robot_in_map.x, pose_robot_in_map.y)).T) <= KEPT_M
             self._pieces = np.vstack([self._pieces[near], rows])
@@ -66,7 +73,9 @@ class EchoMemory:
             self._distance(here + 0.5 * ahead_m * np.array([c, s])),
             self._distance(here + ahead_m * np.array([c, s])),
         )
-        danger = (then < room_m) & (then < now - 0.2 * ahead_m * 0.5)
+        closing = then < now - 0.1 * ahead_m
+        scraping = (now < room_m - SCRAPE_M) & (then < now + 0.1 * ahead_m)
+        danger = (then < room_m) & (closing | scraping)
         if not danger.any():
             return None
         x, y, nx, ny, half = self._pieces[np.flatnonzero(danger)[np.argmin(then[danger])]]
