@@ -20,7 +20,7 @@ from sonar_explore.slam import Chain, ScanUpdate, Slam
 
 MIN_FRONTIER_M = 0.15
 MAX_REPLANS = 4
-SECOND_CHANCES = 1  # times that places which were put aside are tried again before giving up
+SECOND_CHANCES = 3  # times that places which were put aside are tried again before giving up
 POINT_WITHIN_M = 0.12
 FAMILIAR_M = 0.35
 BACK_OFF_M_S, BACK_OFF_TICKS = 0.1, 20
