@@ -1,6 +1,6 @@
 """Draw an episode as one picture: the one in the README.
 
-sonar-explore run paper/rooms --out runs/readme
+sonar-explore run paper/rooms --seed 2 --out runs/readme
 python docs/picture.py runs/readme/episode.json docs/episode.png
 """
 

@@ -24,6 +24,14 @@ EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130  # what shells report for Ctrl-C
 EXIT_BROKEN_PIPE = 141  # and for a reader that went away
 SEED_MAX = 2**32 - 1
+SLAMS = (
+    "chain",
+    "literal",
+    "off",
+    "smoothed",
+    "truth",
+)  # spelled out: slam is too heavy to import for a help page
+NOT_IN_A_NAME = "?&=:/\\"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -94,7 +102,9 @@ def commands(ctx: click.Context) -> None:
 @commands.command()
 @click.argument("world")
 @click.option("--agent", default="frontier", show_default=True, help="Policy: a known name, or module:Name.")
-@click.option("--slam", default="chain", show_default=True, help="chain, off or truth.")
+@click.option(
+    "--slam", type=click.Choice(SLAMS), default="chain", show_default=True, help="What corrects the pose."
+)
 @click.option("--noise", default="paper", show_default=True, help="Odometry: paper, ideal or worn.")
 @click.option(
     "--seed", type=click.IntRange(0, SEED_MAX), default=0, show_default=True, help="Of world and robot."
@@ -112,7 +122,7 @@ def run(
     as_json: bool,
     max_scans: int | None,
 ) -> None:
-    """Explore WORLD, a shipped world's name or a world file, and report on it."""
+    """Explore WORLD, a name or a world file, and report on it."""
     from sonar_explore.episodes.files import save_record, writable_folder
 
     folder = out or default_folder(world, agent, slam, noise, seed)
@@ -133,22 +143,23 @@ def run(
 @commands.command()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON array.")
 def worlds(as_json: bool) -> None:
-    """List the worlds that are shipped."""
+    """List the worlds that are shipped, and the generators, which make one for every seed."""
+    from sonar_explore.envs.generator import generator_names
     from sonar_explore.envs.world import load_world, shipped_worlds
 
-    loaded = [load_world(name) for name in shipped_worlds()]
-    _print_list(
-        [
-            {
-                "name": world.name,
-                "title": world.title,
-                "walls": len(world.walls),
-                "loop": bool(world.has_loop),
-            }
-            for world in loaded
-        ],
-        as_json,
-    )
+    rows: list[dict[str, Any]] = [
+        {
+            "name": world.name,
+            "title": world.title,
+            "walls": len(world.walls),
+            "loop": bool(world.has_loop),
+        }
+        for world in map(load_world, shipped_worlds())
+    ]
+    for name in generator_names():
+        title = f"{load_world(name).title}; with any seed, as {name}-17"
+        rows.append({"name": name, "title": title, "walls": None, "loop": None})
+    _print_list(rows, as_json)
 
 
 @commands.command()
@@ -209,7 +220,7 @@ for _command in STUDY_COMMANDS:
 def default_folder(world: str, agent: str, slam: str, noise: str, seed: int) -> Path:
     """`runs/<world>-<agent>-<slam>-<noise>-<seed>`, one folder deep whatever the world is called."""
     name = "-".join((world, agent, slam, noise, str(seed)))
-    return Path("runs") / name.strip("/.").replace("/", "-").replace(os.sep, "-").replace(":", "-")
+    return Path("runs") / "".join("-" if c in NOT_IN_A_NAME else c for c in name.strip("/."))
 
 
 def _explore(
@@ -261,7 +272,7 @@ def _print_list(rows: list[dict[str, Any]], as_json: bool) -> None:
         return
     from sonar_explore.reports.progress import list_table
 
-    _print_table(list_table(rows))
+    _print_table(list_table([{k: "" if v is None else v for k, v in row.items()} for row in rows]))
 
 
 def _print_table(table: Any) -> None:

@@ -184,6 +184,30 @@ def test_a_world_file_names_a_folder_of_one_level(folder: Path) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("world", "named"),
+    [
+        ("generated/home-4?difficulty=0.9", "generated-home-4-difficulty-0.9"),
+        ("plan.png?resolution=0.02&start=1,2,90", "plan.png-resolution-0.02-start-1,2,90"),
+        ("C:\\plans\\flat.svg", "C--plans-flat.svg"),
+        ("../plan.png", "plan.png"),
+    ],
+)
+def test_what_a_shell_or_a_path_would_read_is_not_in_a_folder_name(world: str, named: str) -> None:
+    assert str(cli.default_folder(world, "nearest", "off", "paper", 0)) == f"runs/{named}-nearest-off-paper-0"
+
+
+def test_slam_offers_all_there_are(capsys: Capture, folder: Path, runner: SimpleNamespace) -> None:
+    from sonar_explore.slam import SLAMS
+
+    assert sorted(cli.SLAMS) == sorted(SLAMS)
+    for slam in SLAMS:
+        assert cli.main(["run", "loop", "--json", "--slam", slam]) == 0
+    capsys.readouterr()
+    assert [call[2] for call in runner.calls] == list(SLAMS)
+    assert_refused(capsys, ["run", "loop", "--slam", "magic"], "'magic'", *SLAMS)
+
+
 def test_the_report_is_made_again_from_the_record_alone(
     capsys: Capture, folder: Path, runner: SimpleNamespace
 ) -> None:
@@ -204,16 +228,31 @@ def test_a_report_into_a_folder_that_is_not_there_is_refused(
     assert_refused(capsys, ["report", "a/episode.json", "--out", "b/page.html"], "cannot write b/page.html")
 
 
-def test_worlds_are_listed_as_a_table_and_as_json(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_worlds_and_generators_are_listed_as_a_table_and_as_json(
+    capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
     world = SimpleNamespace(name="loop", title="A [bold]loop[/bold]", walls=[1, 2], has_loop=True)
-    module = ModuleType("sonar_explore.envs.world")
-    vars(module).update(shipped_worlds=lambda: ("loop",), load_world=lambda _: world)
-    monkeypatch.setitem(sys.modules, "sonar_explore.envs.world", module)
+    monkeypatch.setattr("sonar_explore.envs.generator.generator_names", lambda: ("generated/cave",))
+    monkeypatch.setattr("sonar_explore.envs.world.shipped_worlds", lambda: ("loop",))
+    monkeypatch.setattr("sonar_explore.envs.world.load_world", lambda _: world)
     assert cli.main(["worlds"]) == 0
-    assert "A [bold]loop[/bold]" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "A [bold]loop[/bold]" in out and "generated/cave" in out
+    assert "None" not in out
     assert cli.main(["worlds", "--json"]) == 0
-    listed = json.loads(capsys.readouterr().out)
-    assert listed == [{"name": "loop", "title": "A [bold]loop[/bold]", "walls": 2, "loop": True}]
+    shipped, generator = json.loads(capsys.readouterr().out)
+    assert shipped == {"name": "loop", "title": "A [bold]loop[/bold]", "walls": 2, "loop": True}
+    assert generator["name"] == "generated/cave" and "generated/cave-17" in generator["title"]
+    assert generator["walls"] is None and generator["loop"] is None
+
+
+def test_every_world_that_is_listed_can_be_read(capsys: Capture) -> None:
+    from sonar_explore.envs.world import load_world
+
+    assert cli.main(["worlds", "--json"]) == 0
+    names = [row["name"] for row in json.loads(capsys.readouterr().out)]
+    assert {"paper/rooms", "generated/office"} <= set(names)
+    assert all(len(load_world(name).walls) for name in names)
 
 
 def test_agents_are_listed_with_one_line_each(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -148,6 +148,11 @@ can be turned off alone, in Python by its name in `ExplorationConfig`. What each
 
 _FOOT = """\\* no part of section III: `literal` has it as well, and so has `off`.
 
+All arms drive alike, whatever corrects the pose: legs, glances to the left and right in tight places, what the ring has
+heard kept until the next scan, and the nearer way to the unknown when nothing else is left. The paper does not say how
+its robot avoids walls; [mapping.md](mapping.md) says how ours does. `--slam smoothed` has all of the above and moves
+every pose and chain after each scan: [slam.md](slam.md).
+
 What the paper leaves open, and what was chosen there, is no departure: those choices are cited in the code as
 *READING*, and [conformance.md](conformance.md) lists them beside the paper's own sentences.
 """

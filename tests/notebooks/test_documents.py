@@ -31,3 +31,26 @@ def test_every_subcommand_in_the_readme_exists():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     used = set(re.findall(r"^sonar-explore (\w+)", text, re.MULTILINE))
     assert used == set(commands.commands)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_option_that_is_named_exists(page):
+    from sonar_explore.config import ExplorationConfig
+    from sonar_explore.studies.options import option
+
+    names = re.findall(r"`((?:slam|mapping|planning|driving|candidates)(?:\.\w+)+)`", page.read_text("utf-8"))
+    for name in names:
+        if not name.endswith(".py"):
+            option(ExplorationConfig(), name)
+
+
+def test_every_page_can_be_found_from_the_readme():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert not [page.name for page in PAGES[1:] if f"](docs/{page.name})" not in text]
+
+
+def test_every_choice_of_slam_is_explained():
+    from sonar_explore.slam import SLAMS
+
+    text = (ROOT / "docs/slam.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE)) == set(SLAMS)
