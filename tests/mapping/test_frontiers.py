@@ -1,0 +1,55 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
+"""Frontiers are where the body could go on, and nowhere else."""
+
+import numpy as np
+import pytest
+
+from sonar_explore.mapping.frontiers import find_frontiers, passable
+from sonar_explore.mapping.grid import FREE, OCCUPIED, UNKNOWN, GridFrame
+from sonar_explore.mapping.occupancy import OccupancyGrid
+
+FRAME = GridFrame(-1.0, -2.0, 0.05, (80, 120))
+BODY_M = 0.18
+X, Y = np.moveaxis(FRAME.centres(np.argwhere(np.ones(FRAME.shape))).reshape(*FRAME.shape, 2), -1, 0)
+
+
+def corridor(half_m, seen_to_m, open_end=True):
+    """A corridor from x = 0 to 3, known as far as it was seen."""
+    states = np.full(FRAME.shape, UNKNOWN, dtype=np.uint8)
+    known = (X < seen_to_m) & (X > -0.05) & (np.abs(Y) < half_m + 0.05)
+    states[known] = OCCUPIED
+    states[known & (X > 0.0) & (np.abs(Y) < half_m)] = FREE
+    if not open_end:
+        states[(np.abs(X - seen_to_m) < 0.04) & (np.abs(Y) < half_m + 0.05)] = OCCUPIED
+    return OccupancyGrid(FRAME, states)
+
+
+@pytest.mark.parametrize("half_m", [0.4, 0.8, 1.2])
+@pytest.mark.parametrize("seen_to_m", [1.0, 2.5])
+def test_the_open_end_of_a_corridor_is_the_only_frontier(half_m, seen_to_m):
+    (frontier,) = find_frontiers(corridor(half_m, seen_to_m), BODY_M, 0.15)
+    assert frontier.centroid == pytest.approx((seen_to_m, 0.0), abs=0.06)
+    assert frontier.length_m(FRAME.resolution_m) == pytest.approx(2.0 * (half_m - BODY_M), abs=0.15)
+
+
+@pytest.mark.parametrize("half_m", [0.4, 0.8, 1.2])
+def test_a_closed_mapped_room_has_none(half_m):
+    assert find_frontiers(corridor(half_m, 2.0, open_end=False), BODY_M, 0.15) == ()
+
+
+def test_a_gap_that_the_body_cannot_pass_is_no_frontier():
+    grid = corridor(0.8, 2.0, open_end=False)
+    for gap, count in ((0.30, 0), (0.70, 1)):
+        states = grid.states.copy()
+        end = (np.abs(X - 2.0) < 0.04) & (np.abs(Y) < 0.5 * gap)
+        states[end] = FREE
+        assert len(find_frontiers(OccupancyGrid(FRAME, states), BODY_M, 0.15)) == count
+
+
+def test_every_frontier_cell_is_free_passable_and_beside_the_unknown():
+    grid = corridor(1.0, 2.0)
+    way = passable(grid, BODY_M)
+    for frontier in find_frontiers(grid, BODY_M, 0.15):
+        for row, column in frontier.cells:
+            assert grid.states[row, column] == FREE and way[row, column]
+            assert (grid.states[row - 1 : row + 2, column - 1 : column + 2] == UNKNOWN).any()

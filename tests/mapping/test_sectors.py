@@ -1,0 +1,108 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
+"""Counts that are kept up to date are the counts that a fresh draw gives."""
+
+import math
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sonar_explore.geometry import Pose
+from sonar_explore.mapping.grid import GridFrame
+from sonar_explore.mapping.sectors import Sectors, cut_at_walls, mark_segments
+
+REACH_M = 1.0
+seeds = st.integers(0, 10_000)
+
+
+def random_put(rng):
+    pose = Pose(*rng.uniform(-2.0, 2.0, 2), rng.uniform(-4.0, 4.0))
+    return pose, rng.uniform(0.0, REACH_M, 24), rng.uniform(0.0, REACH_M, 24) * rng.integers(0, 2, 24)
+
+
+def covering(frame, pose):
+    low, high = (pose.x - REACH_M, pose.y - REACH_M), (pose.x + REACH_M, pose.y + REACH_M)
+    return frame.covering(low, high)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds)
+def test_putting_replacing_and_growing_gives_what_a_fresh_draw_gives(seed):
+    rng = np.random.default_rng(seed)
+    frame, sectors, held = GridFrame(0.0, 0.0, 0.1, (10, 10)), Sectors(), []
+    for _ in range(12):
+        index = int(rng.integers(0, len(held) + 1))
+        put = random_put(rng)
+        held[index:] = [put, *held[index + 1 :]]
+        frame = covering(frame, put[0])
+        sectors.resize(frame)
+        sectors.put(index, *put)
+    trail = rng.uniform(-0.5, 0.5, (8, 2))
+    for k in range(len(trail) + 1):
+        body = sectors.trail(trail[:k], 0.18)
+    fresh = Sectors()
+    fresh.resize(frame)
+    for i, put in enumerate(held):
+        fresh.put(i, *put)
+    assert (sectors.cleared == fresh.cleared).all() and sectors.cleared.any()
+    assert (sectors.core == fresh.core).all()
+    assert (body == fresh.trail(trail, 0.18)).all() and body.any()
+
+
+def test_putting_the_same_again_changes_nothing():
+    rng, sectors = np.random.default_rng(0), Sectors()
+    put = random_put(rng)
+    sectors.resize(covering(GridFrame(0.0, 0.0, 0.1, (1, 1)), put[0]))
+    sectors.put(0, *put)
+    before = sectors.cleared.copy()
+    sectors.put(0, *put)
+    assert (sectors.cleared == before).all() and before.max() == 1
+
+
+@settings(max_examples=60, deadline=None)
+@given(seeds)
+def test_no_direction_is_clear_beyond_the_first_barrier_that_its_middle_ray_meets(seed):
+    rng = np.random.default_rng(seed)
+    n, margin = 90, 0.05
+    x, y, heading = rng.uniform(-2.0, 2.0, 3)
+    walls, own = rng.uniform(-3.0, 3.0, (4, 4)), rng.uniform(-3.0, 3.0, (1, 4))
+    clear = rng.uniform(0.0, 3.0, n)
+    cut = cut_at_walls(x, y, heading, clear, walls, own, margin)
+    assert (cut >= 0.0).all() and (cut <= clear).all()
+    for b in range(n):
+        angle = heading + (b + 0.5) * math.tau / n
+        hit = min(ray_hits(x, y, angle, segment) for segment in (*walls, *own))
+        assert cut[b] <= max(0.0, hit - margin) + 1e-9
+
+
+def ray_hits(x, y, angle, segment):
+    ax, ay, bx, by = segment
+    matrix = np.array([[math.cos(angle), ax - bx], [math.sin(angle), ay - by]])
+    r, share = np.linalg.solve(matrix, [ax - x, ay - y])
+    return r if r >= 0.0 and 0.0 <= share <= 1.0 else math.inf
+
+
+@settings(deadline=None)
+@given(seeds)
+def test_what_no_barrier_stands_in_stays_clear(seed):
+    rng = np.random.default_rng(seed)
+    clear = rng.uniform(0.0, 1.0, 36)
+    away = np.array([[3.0, -2.0, 3.0, 2.0]])
+    assert (cut_at_walls(0.0, 0.0, seed, clear, away, np.zeros((0, 4)), 0.05) == clear).all()
+
+
+@settings(deadline=None)
+@given(seeds)
+def test_a_segment_marks_each_cell_it_passes_once_and_no_other(seed):
+    frame = GridFrame(0.0, 0.0, 0.1, (20, 20))
+    segment = np.random.default_rng(seed).uniform(0.0, 2.0, (1, 4))
+    evidence = np.zeros(frame.shape)
+    mark_segments(frame, evidence, segment, 2.0)
+    along = np.linspace(0.0, 1.0, 200)[:, None]
+    cells = frame.cells(segment[:, :2] + along * (segment[:, 2:] - segment[:, :2]))
+    passed = np.zeros(frame.shape, dtype=bool)
+    passed[cells[:, 0], cells[:, 1]] = True
+    assert set(np.unique(evidence)) <= {0.0, 2.0}
+    assert not (evidence > 0.0)[~passed].any() or np.count_nonzero((evidence > 0.0) & ~passed) <= 1
+    ends = frame.cells(segment.reshape(2, 2))
+    assert (evidence[ends[:, 0], ends[:, 1]] == 2.0).all()
