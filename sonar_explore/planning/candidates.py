@@ -29,6 +29,8 @@ class CandidateConfig:
     """How far a scan is expected to clear, [m]."""
     least_room_m: float = 0.38
     """Distance of a place from known walls, [m]: nearer ones are in the dead zone, 0.20 m before the disc."""
+    chain_grows_m: float = 0.4
+    """How far beyond its links a chain is expected to go on, [m]: a new link may lie half a door away."""
     least_area_m2: float = 0.10
     """New area below which a place is not worth a scan, [m2]."""
     apart_m: float = 0.30
@@ -94,7 +96,7 @@ class CandidateFinder:
             cells, way, (grid.states == UNKNOWN) & way, self._config.view_m, grid.frame.resolution_m
         )
         places = grid.frame.centres(cells)
-        answers = expected_chains(places, chains, grid, self._near, self._far)
+        answers = expected_chains(places, chains, grid, self._near, self._far, self._config.chain_grows_m)
         dangling = np.array([c.dangling and tried.get(c.id, 0) < 2 for c in chains], dtype=bool)
         certain = np.array([c.root_probability if not c.dangling else 0.0 for c in chains])
         meets: Mask = np.zeros(len(cells), dtype=bool)
@@ -190,12 +192,17 @@ def _seen_from(cells, way, unseen, rows, columns):  # type: ignore[no-untyped-de
 
 
 def expected_chains(
-    places: Array, chains: Sequence[Chain], grid: OccupancyGrid, near_m: float, far_m: float
+    places: Array,
+    chains: Sequence[Chain],
+    grid: OccupancyGrid,
+    near_m: float,
+    far_m: float,
+    grows_m: float = 0.0,
 ) -> Mask:
     """Which chains should answer at which places, shape (n places, n chains).
 
-    A wall answers only where the foot of the normal lies on it (READING section 2), within reliable range and in
-    line of sight on the map.
+    A wall answers only where the foot of the normal lies on it (READING section 2), or up to `grows_m` beyond its
+    links, within reliable range and in line of sight on the map.
     """
     out = np.zeros((len(places), len(chains)), dtype=bool)
     frame, occupied = grid.frame, grid.occupied
@@ -206,7 +213,8 @@ def expected_chains(
         ends = np.array([link.segment.as_row() for link in chain.links]).reshape(-1, 2)
         foot = places @ along
         offset = float(np.mean(ends @ across)) - places @ across
-        on_wall = (foot >= (ends @ along).min()) & (foot <= (ends @ along).max())
+        reach = (ends @ along).min() - grows_m, (ends @ along).max() + grows_m
+        on_wall = (foot >= reach[0]) & (foot <= reach[1])
         maybe = on_wall & (np.abs(offset) >= near_m) & (np.abs(offset) <= far_m)
         for i in np.flatnonzero(maybe):
             x, y = places[i]
