@@ -1,0 +1,123 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
+"""Candidates can be got to, have room for a scan and something new to see."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sonar_explore.geometry import Pose, Segment
+from sonar_explore.mapping.grid import FREE, OCCUPIED, UNKNOWN, GridFrame
+from sonar_explore.mapping.occupancy import OccupancyGrid
+from sonar_explore.planning.candidates import CandidateConfig, CandidateFinder, expected_chains, new_area
+from sonar_explore.planning.paths import PlanningConfig, SafePaths
+from sonar_explore.slam import Chain, Feature, FeatureKind, Link
+
+FRAME = GridFrame(0.0, 0.0, 0.05, (90, 100))
+NOWHERE = np.zeros((0, 2))
+seeds = st.integers(0, 10_000)
+X, Y = np.moveaxis(FRAME.centres(np.argwhere(np.ones(FRAME.shape))).reshape(*FRAME.shape, 2), -1, 0)
+
+
+def half_known(seed):
+    """A free blob in the unknown with some walls, and where the robot stands."""
+    rng = np.random.default_rng(seed)
+    states = np.full(FRAME.shape, UNKNOWN, dtype=np.uint8)
+    here = rng.uniform(1.2, 3.2, 2)
+    for _ in range(4):
+        x, y = here + rng.uniform(-0.7, 0.7, 2)
+        states[np.hypot(X - x, Y - y) < rng.uniform(0.6, 1.2)] = FREE
+    for _ in range(3):
+        row, column = rng.integers(5, 60, 2)
+        states[row : row + 30, column] = OCCUPIED
+    states[np.hypot(X - here[0], Y - here[1]) < 0.5] = FREE
+    return OccupancyGrid(FRAME, states), here, rng
+
+
+def find(grid, here, scanned=NOWHERE, put_aside=NOWHERE, config=None, chains=()):
+    config = config or CandidateConfig()
+    paths = SafePaths(grid, *here, 0.18, PlanningConfig())
+    return CandidateFinder(config, 0.18, 0.2, 2.0).find(grid, paths, chains, scanned, put_aside, {}), paths
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds)
+def test_candidates_are_reachable_roomy_new_and_no_more_than_asked(seed):
+    grid, here, rng = half_known(seed)
+    scanned, aside = np.vstack([here, rng.uniform(1, 4, (3, 2))]), rng.uniform(1, 4, (2, 2))
+    config = CandidateConfig(most=int(rng.integers(1, 12)))
+    found, paths = find(grid, here, scanned, aside, config)
+    assert len(found) <= config.most
+    for c in found:
+        cell = FRAME.cell(c.x, c.y)
+        assert paths.within[cell] and grid.states[cell] == FREE
+        assert grid.to_walls_m[cell] >= config.least_room_m
+        assert c.new_area_m2 >= config.least_area_m2
+        assert c.path_length_m == pytest.approx(paths.cost_m[cell])
+        taken = np.vstack([scanned, aside])
+        assert np.hypot(*(taken - (c.x, c.y)).T).min() >= config.apart_m
+        assert c.chains == c.missing_links == () and c.certainty == 0.0
+
+
+def test_there_are_candidates_where_there_is_something_to_see():
+    counts = [len(find(*half_known(seed)[:2])[0]) for seed in range(10)]
+    assert min(counts) > 0
+
+
+def test_in_a_closed_mapped_room_nothing_is_worth_a_scan():
+    states = np.full(FRAME.shape, UNKNOWN, dtype=np.uint8)
+    states[10:70, 10:70], states[11:69, 11:69] = OCCUPIED, FREE
+    assert find(OccupancyGrid(FRAME, states), (2.0, 2.0))[0] == ()
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds)
+def test_new_area_counts_the_unknown_disc_and_never_more(seed):
+    view, rng = 0.8, np.random.default_rng(seed)
+    cells = np.array([[45, 50]])
+    way = np.ones(FRAME.shape, dtype=bool)
+    disc = math.pi * view**2
+    assert new_area(cells, way, way, view, FRAME.resolution_m)[0] == pytest.approx(disc, rel=0.15)
+    unseen = rng.random(FRAME.shape) < rng.random()
+    part = new_area(cells, way, unseen, view, FRAME.resolution_m)[0]
+    assert part == pytest.approx(disc * unseen.mean(), abs=0.2 * disc)
+    shut = way.copy()
+    shut[:, 52] = False
+    assert new_area(cells, shut, unseen, view, FRAME.resolution_m)[0] <= part
+
+
+def chain(wall, root_probability=1.0):
+    feature = Feature(FeatureKind.WALL, 0.0, 1.0, 0.3, wall, ())
+    return Chain(7, (Link(wall, 0, 0, feature),), 0, root_probability, False)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seeds)
+def test_a_chain_answers_just_where_the_foot_of_the_normal_falls_on_it_in_reach(seed):
+    rng = np.random.default_rng(seed)
+    pose = Pose(*rng.uniform(1.5, 3.0, 2), rng.uniform(-3, 3))
+    wall = Segment(-0.7, 0.0, 0.7, 0.0).transformed(pose)
+    places = rng.uniform(0.0, 5.0, (60, 2))
+    along, across = pose.inverse().transform(places).T
+    expected = (np.abs(along) <= 0.7) & (np.abs(across) >= 0.2) & (np.abs(across) <= 2.0)
+    clear = OccupancyGrid(FRAME, np.full(FRAME.shape, FREE, dtype=np.uint8))
+    assert (expected_chains(places, [chain(wall)], clear, 0.2, 2.0)[:, 0] == expected).all()
+
+
+def test_a_chain_behind_a_wall_does_not_answer():
+    states = np.full(FRAME.shape, FREE, dtype=np.uint8)
+    states[:, 50] = OCCUPIED
+    wall, places = Segment(3.2, 1.0, 3.2, 3.0), np.array([[1.5, 2.0], [2.8, 2.0]])
+    grid = OccupancyGrid(FRAME, states)
+    assert expected_chains(places, [chain(wall)], grid, 0.2, 2.0)[:, 0].tolist() == [False, True]
+
+
+def test_certainty_is_two_where_two_sure_walls_cross_and_one_where_they_are_parallel():
+    grid = OccupancyGrid(FRAME, np.full(FRAME.shape, UNKNOWN, dtype=np.uint8))
+    grid.states[(X > 1.0) & (X < 2.5) & (Y > 1.0) & (Y < 2.5)] = FREE
+    north, south, east = Segment(0, 3, 5, 3), Segment(0, 0.5, 5, 0.5), Segment(3, 0, 3, 5)
+    for walls, certainty in (((north, east), 2.0), ((north, south), 1.0), ((north,), 1.0)):
+        found, _ = find(grid, (1.7, 1.7), chains=[chain(w) for w in walls])
+        assert max(c.certainty for c in found) == pytest.approx(certainty)

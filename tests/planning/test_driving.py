@@ -1,0 +1,81 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
+"""The driver gets there where the way is free, and touches nothing where it is not."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sonar_explore.envs.odometry import noise_preset
+from sonar_explore.envs.simulator import Simulator, SimulatorConfig
+from sonar_explore.envs.world import World
+from sonar_explore.geometry import Pose
+from sonar_explore.planning.driving import DriveEnd, Driver, DrivingConfig
+
+CONFIG = SimulatorConfig(noise=noise_preset("ideal"))
+
+
+def driver_in(walls, start=Pose(0.0, 0.0, 0.0)):
+    rows = np.array(walls, dtype=float).reshape(-1, 4)
+    world = World("field", "A field", rows, np.zeros(len(rows)), np.zeros((0, 3)), start, False)
+    robot = Simulator(world, CONFIG, np.random.default_rng(0))
+    return robot, Driver(robot, CONFIG.robot, lambda: robot.true_pose, lambda x, y: False, DrivingConfig())
+
+
+def unfamiliar(x, y):
+    return 0.0
+
+
+def familiar(x, y):
+    return 1.0
+
+
+FENCE = [[-4, -4, 4, -4], [4, -4, 4, 4], [4, 4, -4, 4], [-4, 4, -4, -4]]
+
+
+@pytest.mark.parametrize("room", [familiar, unfamiliar])
+@pytest.mark.parametrize("heading", [0.0, 1.2, 3.0, -2.0])
+def test_the_end_of_a_free_path_is_reached_whichever_way_the_robot_looks(heading, room):
+    robot, driver = driver_in(FENCE, Pose(0.0, 0.0, heading))
+    path = np.array([[0.0, 0.0], [1.0, 0.5], [1.2, -0.8], [-0.6, -0.6]])
+    report = driver.follow(path, room)
+    assert report.end is DriveEnd.ARRIVED and len(report.obstacle) == 0
+    assert robot.true_pose.distance_to(Pose(*path[-1], 0.0)) <= 2.0 * DrivingConfig().arrived_m
+    assert robot.contacts == 0
+
+
+@pytest.mark.parametrize("angle_deg", range(-60, 75, 15))
+def test_a_wall_that_the_map_does_not_know_stops_the_drive_before_a_touch(angle_deg):
+    turn = Pose(1.2, 0.0, math.radians(angle_deg))
+    wall = turn.transform(np.array([[0.0, -6.0], [0.0, 6.0]])).reshape(1, 4)
+    robot, driver = driver_in(wall)
+    report = driver.follow(np.array([[0.0, 0.0], [2.5, 0.0]]), unfamiliar)
+    assert report.end is DriveEnd.BLOCKED
+    assert robot.contacts == 0 and robot.driven_m > 0.2
+    at = robot.true_pose.transform(report.obstacle[[2]])
+    assert abs(turn.inverse().transform(at)[0, 0]) < 0.08  # the middle of the piece is on the wall
+
+
+@pytest.mark.parametrize("angle_deg", [0, 20, 45])
+def test_a_drive_begun_at_a_wall_leaves_it(angle_deg):
+    robot, driver = driver_in([[0.24, -3, 0.24, 3]], Pose(0.0, 0.0, math.radians(angle_deg)))
+    assert driver.follow(np.array([[0.0, 0.0], [-1.0, 0.3]]), unfamiliar).end is DriveEnd.ARRIVED
+    assert robot.contacts == 0
+
+
+@pytest.mark.parametrize("width_m", [0.7, 1.0, 1.6])
+def test_a_corridor_is_driven_down_its_middle(width_m):
+    half = 0.5 * width_m
+    robot, driver = driver_in([[-2, half, 6, half], [-2, -half, 6, -half]])
+    assert driver.follow(np.array([[0.0, 0.0], [2.5, 0.0]]), unfamiliar).end is DriveEnd.ARRIVED
+    assert robot.contacts == 0
+
+
+def test_after_a_scan_what_was_heard_before_no_longer_bars_the_way():
+    robot, driver = driver_in([[0.6, -3, 0.6, 3]])
+    path = np.array([[0.0, 0.0], [2.0, 0.0]])
+    assert driver.follow(path, unfamiliar).end is DriveEnd.BLOCKED
+    driver.forget()
+    before = robot.driven_m
+    assert driver.follow(path, unfamiliar).end is DriveEnd.BLOCKED
+    assert robot.contacts == 0 and robot.driven_m - before < 0.15

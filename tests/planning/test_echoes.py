@@ -1,0 +1,93 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
+"""What the ring has heard bars the way just where the body would come too near."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sonar_explore.amigobot import AmigoBot
+from sonar_explore.geometry import Pose
+from sonar_explore.planning.echoes import KEPT_M, EchoMemory
+
+BODY = AmigoBot()
+AHEAD_M, ROOM_M = 0.14, 0.21
+poses = st.builds(Pose, st.floats(-3, 3), st.floats(-3, 3), st.floats(-7, 7))
+
+
+def memory(pose, heard, is_point=False):
+    """After the discs named have heard something at these ranges."""
+    echoes = EchoMemory(BODY, lambda x, y: is_point)
+    ring = np.full(8, BODY.range_max_m)
+    ring[list(heard)] = list(heard.values())
+    echoes.note(pose, ring)
+    return echoes
+
+
+@settings(deadline=None)
+@given(poses, st.sampled_from([2, 3]), st.floats(0.02, 0.12))
+def test_a_wall_ahead_blocks_and_is_told_in_the_robots_frame(pose, disc, range_m):
+    obstacle = memory(pose, {disc: range_m}).in_the_way(pose, AHEAD_M, ROOM_M)
+    assert obstacle is not None and obstacle.shape == (5, 2)
+    to = BODY.sonars[disc].transform(np.array([[range_m, 0.0]]))[0]
+    assert np.hypot(*(obstacle[2] - to)) <= range_m * math.radians(8.1)
+
+
+@settings(deadline=None)
+@given(poses, st.sampled_from([2, 3]), st.floats(0.35, 2.0))
+def test_a_wall_far_ahead_does_not(pose, disc, range_m):
+    assert memory(pose, {disc: range_m}).in_the_way(pose, AHEAD_M, ROOM_M) is None
+
+
+@settings(deadline=None)
+@given(poses, st.sampled_from([0, 5]), st.floats(0.16, 0.7))
+def test_a_parallel_wall_at_a_comfortable_distance_does_not(pose, disc, range_m):
+    assert memory(pose, {disc: range_m}).in_the_way(pose, AHEAD_M, ROOM_M) is None
+
+
+@settings(deadline=None)
+@given(poses, st.sampled_from([1, 4]))
+def test_an_edge_beside_the_way_does_not_where_a_wall_would(pose, disc):
+    wall, edge = (memory(pose, {disc: 0.18}, point) for point in (False, True))
+    assert wall.in_the_way(pose, AHEAD_M, ROOM_M) is not None
+    assert edge.in_the_way(pose, AHEAD_M, ROOM_M) is None
+
+
+@settings(deadline=None)
+@given(poses)
+def test_an_edge_straight_ahead_does(pose):
+    assert memory(pose, {2: 0.1, 3: 0.1}, True).in_the_way(pose, AHEAD_M, ROOM_M) is not None
+
+
+@settings(deadline=None)
+@given(poses)
+def test_driving_away_from_a_wall_is_allowed(pose):
+    away = pose @ Pose(0.0, 0.0, math.pi)
+    assert memory(pose, {2: 0.08, 3: 0.08}).in_the_way(away, AHEAD_M, ROOM_M) is None
+
+
+def test_a_ring_that_has_heard_nothing_knows_of_nothing():
+    assert EchoMemory(BODY, lambda x, y: False).in_the_way(Pose(0, 0, 0), AHEAD_M, ROOM_M) is None
+
+
+def test_forget_forgets_and_an_old_echo_is_not_taken_again():
+    here = Pose(0, 0, 0)
+    echoes = memory(here, {2: 0.1})
+    ring = np.full(8, BODY.range_max_m)
+    ring[2] = 0.1
+    echoes.forget()
+    assert echoes.in_the_way(here, AHEAD_M, ROOM_M) is None
+    echoes.note(here, ring)  # the same reading stands: disc 2 has not fired anew
+    assert echoes.in_the_way(here, AHEAD_M, ROOM_M) is None
+
+
+@pytest.mark.parametrize(("far_m", "kept"), [(0.5 * KEPT_M, True), (1.5 * KEPT_M, False)])
+def test_what_is_far_behind_is_dropped_when_something_new_is_heard(far_m, kept):
+    here, there = Pose(0, 0, 0), Pose(-far_m, 0, 0)
+    echoes = memory(here, {2: 0.05, 3: 0.05})
+    ring = np.full(8, BODY.range_max_m)
+    ring[6] = 0.7
+    echoes.note(there, ring)
+    assert (echoes.in_the_way(here, AHEAD_M, ROOM_M) is not None) == kept

@@ -1,0 +1,143 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
+"""A path never touches what is not known to be free, and keeps its room."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from sonar_explore.mapping.grid import FREE, OCCUPIED, UNKNOWN, GridFrame
+from sonar_explore.mapping.occupancy import OccupancyGrid
+from sonar_explore.planning.paths import (
+    PlanningConfig,
+    SafePaths,
+    clearance,
+    path_length,
+    sampled,
+    straightened,
+)
+
+BODY_M, CONFIG = 0.18, PlanningConfig()
+LEAST_M = BODY_M + CONFIG.margin_m
+FRAME = GridFrame(-1.0, 0.5, 0.05, (70, 80))
+seeds = st.integers(0, 10_000)
+
+
+def cluttered(seed):
+    """A closed room with boxes and unknown patches, and a roomy place to start from."""
+    rng = np.random.default_rng(seed)
+    states = np.full(FRAME.shape, FREE, dtype=np.uint8)
+    for kind in rng.choice([OCCUPIED, UNKNOWN], 7):
+        row, column = rng.integers(0, 60, 2)
+        height, width = rng.integers(1, 25, 2) if rng.random() < 0.5 else (1, 30)
+        states[row : row + height, column : column + width] = kind
+    states[[0, -1]] = OCCUPIED
+    states[:, [0, -1]] = OCCUPIED
+    grid = OccupancyGrid(FRAME, states)
+    room = clearance(grid, CONFIG)
+    roomy = np.argwhere(room >= BODY_M + 0.3)
+    assume(len(roomy) > 0)
+    x, y = FRAME.centres(roomy[[rng.integers(len(roomy))]])[0]
+    return grid, x, y, rng
+
+
+def some_paths(paths, rng, count=6):
+    cells = np.argwhere(paths.within)
+    for x, y in FRAME.centres(cells[rng.integers(len(cells), size=count)]):
+        path = paths.to(x, y)
+        assert path is not None and path[-1] == pytest.approx((x, y))
+        yield path
+
+
+@settings(max_examples=40, deadline=None)
+@given(seeds)
+def test_a_path_keeps_its_clearance_at_every_cell(seed):
+    grid, x, y, rng = cluttered(seed)
+    paths = SafePaths(grid, x, y, BODY_M, CONFIG)
+    for path in some_paths(paths, rng):
+        cells = FRAME.cells(path)
+        assert (paths.room_m[cells[:, 0], cells[:, 1]] >= LEAST_M).all()
+        assert (grid.states[cells[:, 0], cells[:, 1]] != OCCUPIED).all()
+        assert np.abs(np.diff(cells, axis=0)).max(initial=0) <= 1
+
+
+@settings(max_examples=40, deadline=None)
+@given(seeds)
+def test_straightening_keeps_the_least_room_and_the_ends_and_lengthens_nothing(seed):
+    grid, x, y, rng = cluttered(seed)
+    paths = SafePaths(grid, x, y, BODY_M, CONFIG)
+    for path in some_paths(paths, rng):
+        straight = straightened(path, paths.room_m, FRAME)
+        assert (straight[[0, -1]] == path[[0, -1]]).all()
+        assert path_length(straight) <= path_length(path) + 1e-9
+        cells = FRAME.cells(sampled(straight, FRAME.resolution_m))
+        assert paths.room_m[cells[:, 0], cells[:, 1]].min() >= LEAST_M
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds)
+def test_just_the_roomy_cells_joined_to_the_start_are_within(seed):
+    grid, x, y, _ = cluttered(seed)
+    paths = SafePaths(grid, x, y, BODY_M, CONFIG)
+    regions, _ = ndimage.label(paths.room_m >= LEAST_M, np.ones((3, 3)))
+    joined = regions == regions[FRAME.cell(x, y)]
+    assert (paths.within & joined).sum() == joined.sum()
+    assert (np.isfinite(paths.cost_m) | ~paths.within).all()
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds)
+def test_the_daring_reach_no_less(seed):
+    grid, x, y, _ = cluttered(seed)
+    careful, daring = (SafePaths(grid, x, y, BODY_M, CONFIG, daring=d) for d in (False, True))
+    assert (daring.within | ~careful.within).all()
+    cells = np.argwhere(daring.within)
+    assert (grid.to_walls_m[cells[:, 0], cells[:, 1]] >= BODY_M + CONFIG.daring_margin_m).all()
+
+
+@pytest.mark.parametrize(("gap_m", "open_"), [(0.3, False), (0.4, False), (0.6, True), (0.9, True)])
+def test_a_wall_is_passed_by_a_door_wide_enough_or_not_at_all(gap_m, open_):
+    states = np.full(FRAME.shape, FREE, dtype=np.uint8)
+    states[:, 40] = OCCUPIED
+    half = round(0.5 * gap_m / FRAME.resolution_m)
+    states[35 - half : 35 + half, 40] = FREE
+    path = SafePaths(OccupancyGrid(FRAME, states), 0.0, 2.2, BODY_M, CONFIG).to(2.5, 2.2)
+    assert (path is not None) == open_
+
+
+def test_a_path_keeps_to_the_middle_of_a_corridor():
+    states = np.full(FRAME.shape, OCCUPIED, dtype=np.uint8)
+    states[20:40] = FREE
+    path = SafePaths(OccupancyGrid(FRAME, states), -0.6, 1.75, BODY_M, CONFIG).to(2.4, 1.75)
+    assert path is not None
+    middle = path[np.abs(path[:, 0] - 0.9) < 1.0, 1]
+    assert np.abs(middle - 2.0).max() <= 0.1  # begun a quarter of a metre off it
+
+
+def test_specks_of_unknown_do_not_shut_free_space_but_walls_of_one_cell_do():
+    states = np.full(FRAME.shape, FREE, dtype=np.uint8)
+    states[30:33, 30:33] = UNKNOWN
+    assert clearance(OccupancyGrid(FRAME, states), CONFIG).min() > 0.0
+    states[31, 31] = OCCUPIED
+    assert clearance(OccupancyGrid(FRAME, states), CONFIG)[31, 31] < 0.0
+
+
+def test_nothing_leads_off_the_map_and_there_is_no_room_there():
+    states = np.full(FRAME.shape, FREE, dtype=np.uint8)
+    states[[0, -1]] = OCCUPIED
+    paths = SafePaths(OccupancyGrid(FRAME, states), 0.0, 2.0, BODY_M, CONFIG)
+    assert paths.to(90.0, 2.0) is None and paths.room_at(90.0, 2.0) == 0.0
+    assert paths.room_at(0.0, 2.0) > BODY_M
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), min_size=2, max_size=6), st.floats(0.02, 0.5))
+def test_samples_lie_a_step_apart_on_the_way_and_include_its_corners(corners, step):
+    path = np.array(corners)
+    points = sampled(path, step)
+    assert max(np.hypot(*(b - a)) for a, b in pairwise(points)) <= step + 1e-9
+    assert path_length(points) == pytest.approx(path_length(path))
+    assert all(np.abs(points - corner).sum(axis=1).min() < 1e-9 for corner in path)
