@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sonar_explore.beam import THRESHOLD, S_RAD, edge_half_angle_rad, half_angle_rad, plane_half_angle_rad
+from sonar_explore.beam import S_RAD, THRESHOLD, edge_half_angle_rad, half_angle_rad, plane_half_angle_rad
 from sonar_explore.envs.acoustics import SonarPhysics, echoes
 from sonar_explore.envs.scene import Scene
 from sonar_explore.envs.world import World

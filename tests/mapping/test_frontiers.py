@@ -16,7 +16,7 @@ X, Y = np.moveaxis(FRAME.centres(np.argwhere(np.ones(FRAME.shape))).reshape(*FRA
 def corridor(half_m, seen_to_m, open_end=True):
     """A corridor from x = 0 to 3, known as far as it was seen."""
     states = np.full(FRAME.shape, UNKNOWN, dtype=np.uint8)
-    known = (X < seen_to_m) & (X > -0.05) & (np.abs(Y) < half_m + 0.05)
+    known = (seen_to_m > X) & (X > -0.05) & (np.abs(Y) < half_m + 0.05)
     states[known] = OCCUPIED
     states[known & (X > 0.0) & (np.abs(Y) < half_m)] = FREE
     if not open_end:

@@ -1,0 +1,200 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
+"""Everything measured, solved at once: exact measurements give the truth, false ones do little harm."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sonar_explore.envs.odometry import noise_preset
+from sonar_explore.envs.simulator import Simulator, SimulatorConfig
+from sonar_explore.envs.world import World
+from sonar_explore.geometry import Pose, wrap_angle
+from sonar_explore.slam import make_slam
+from sonar_explore.slam.motion import MotionSum, RandomWalk
+from sonar_explore.slam.smoothing import Sighting, Smoother, SmoothingConfig, _Stack
+
+WALK = RandomWalk(math.radians(1.5), math.radians(0.7), 0.03)
+WHEELS = (0.007, math.radians(1.0))
+START = Pose(0.5, 0.5, 0.0)
+WALLS = ((math.pi, 0.0), (0.0, 4.0), (-math.pi / 2, 0.0), (math.pi / 2, 3.0))
+"""Bearing of each wall's outward normal, and its distance from the origin along it."""
+
+
+def loop(turn_error=0.0, rounds=2):
+    """True poses about a room of 4 m x 3 m and the odometry from each to the next."""
+    poses, motions, sums = [START], [], MotionSum(WALK)
+    for leg in (3.0, 2.0) * 2 * rounds:
+        for k in range(int(leg)):
+            turn = 0.5 * math.pi * (k == int(leg) - 1)
+            odometry = Pose(0.0, 0.0, 0.0)
+            sums.clear()
+            for forward, spin in ((0.0, math.tau), (1.0, 0.0), (0.0, turn)):
+                after = odometry @ Pose(forward, 0.0, spin / (1.0 + turn_error))
+                sums.add(odometry, after)
+                odometry = after
+            motions.append(sums.total)
+            poses.append(poses[-1] @ Pose(1.0, 0.0, math.tau + turn))
+    return poses, motions
+
+
+def sightings(poses, chain_of=lambda scan, wall: wall):
+    """Exact bearings and ranges of every wall in reach."""
+    for i, p in enumerate(poses):
+        for wall, (normal, distance) in enumerate(WALLS):
+            range_m = distance - p.x * math.cos(normal) - p.y * math.sin(normal)
+            if range_m < 2.2:
+                yield Sighting(i, chain_of(i, wall), wrap_angle(normal - p.heading), 0.0, range_m)
+
+
+def smoother(poses, motions, rng, off=(0.0, 0.0, 0.0), chain_of=lambda scan, wall: wall):
+    out = Smoother(START, SmoothingConfig(), WHEELS)
+    by_scan = list(sightings(poses, chain_of))
+    for i, p in enumerate(poses):
+        dx, dy, dh = rng.normal(0, off) if i else (0.0, 0.0, 0.0)
+        out.add_scan(Pose(p.x + dx, p.y + dy, p.heading + dh), motions[i - 1] if i else None)
+        for s in by_scan:
+            if s.scan == i:
+                out.add_sighting(s)
+    return out
+
+
+def off_by(out, poses):
+    true = np.array([(p.x, p.y, p.heading) for p in poses])
+    return np.abs(out.poses - true).max(axis=0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_exact_measurements_give_the_true_poses_from_bad_first_guesses(seed):
+    poses, motions = loop()
+    out = smoother(poses, motions, np.random.default_rng(seed), off=(0.08, 0.08, 0.04))
+    for _ in range(5):
+        out.solve()
+    assert (off_by(out, poses) < 1e-4).all()
+    assert np.abs(out.wheels).max() < 1e-5
+
+
+def test_a_wrong_wheel_base_is_found_by_the_turns():
+    poses, motions = loop(turn_error=0.01)
+    out = smoother(poses, motions, np.random.default_rng(0), off=(0.03, 0.03, 0.02))
+    for _ in range(5):
+        out.solve()
+    assert out.wheels[0] == pytest.approx(0.01, abs=0.002)
+    assert (off_by(out, poses) < (0.01, 0.01, 0.005)).all()
+
+
+def test_the_jacobian_agrees_with_finite_differences():
+    rng = np.random.default_rng(3)
+    poses, motions = loop(rounds=1)
+    out = smoother(poses, motions, rng, off=(0.05, 0.05, 0.03))
+    out.wheels = rng.normal(0, 0.01, 2)
+    chains = sorted(out._lines)
+    lines = np.array([out._lines[c] for c in chains]) + rng.normal(0, 0.02, (len(chains), 2))
+    n, size = len(out.poses), 3 * len(out.poses) + 2 * len(chains) + 2
+    seen = [
+        Sighting(s.scan, s.chain, s.bearing_rad, 0.1 * k, s.range_m) for k, s in enumerate(out._sightings)
+    ]
+    stack = _Stack.of(seen, dict.fromkeys(chains, 0))
+
+    def parts(step):
+        before = out.poses, out.wheels
+        out.poses, out.wheels = before[0] + step[: 3 * n].reshape(n, 3), before[1] + step[-2:]
+        now = lines + step[3 * n : -2].reshape(-1, 2)
+        blocks = out._anchor(size), out._odometry(size), out._sighted(stack, now, size, np.ones_like)
+        out.poses, out.wheels = before
+        return [b[0].toarray() for b in blocks], [b[1] for b in blocks]
+
+    jacobians, _ = parts(np.zeros(size))
+    for column in range(size):
+        step = np.zeros(size)
+        step[column] = 1e-6
+        ahead, behind = parts(step)[1], parts(-step)[1]
+        for jacobian, a, b in zip(jacobians, ahead, behind, strict=True):
+            assert jacobian[:, column] == pytest.approx((a - b) / 2e-6, abs=1e-3, rel=1e-5)
+
+
+def test_a_planted_false_merge_does_not_fold_the_map():
+    poses, motions = loop()
+
+    def chain_of(scan, wall):  # the last round meets another chain on the far wall
+        return 9 if wall == 1 and scan > len(poses) // 2 else wall
+
+    out = smoother(poses, motions, np.random.default_rng(0), chain_of=chain_of)
+    stranger = [Sighting(k, 5, wrap_angle(-poses[k].heading), 0.0, 3.7 - poses[k].x) for k in (2, 3)]
+    for s in stranger:  # a cupboard 0.3 m before the wall
+        out.add_sighting(s)
+    out.solve()
+    assert (off_by(out, poses) < 1e-6).all()
+    out.merge(1, 9)
+    out.merge(1, 5)
+    for _ in range(3):
+        out.solve()
+    assert (off_by(out, poses) < (0.03, 0.03, 0.02)).all()
+
+
+def test_a_true_merge_puts_two_chains_on_one_line_and_moves_nothing():
+    poses, motions = loop()
+    out = smoother(poses, motions, np.random.default_rng(0), chain_of=lambda i, w: w + 4 * (i > 9))
+    for wall in range(4):
+        out.merge(wall, wall + 4)
+    out.solve()
+    assert (off_by(out, poses) < 1e-6).all()
+    assert sorted(out._lines) == [0, 1, 2, 3]
+
+
+def test_the_pose_is_surer_of_a_chain_it_sees_than_of_none():
+    poses, motions = loop(rounds=1)
+    out = smoother(poses, motions, np.random.default_rng(0))
+    assert out.uncertainty(0) == (0.0, 0.0)  # nothing solved yet
+    out.solve()
+    angle, distance = out.uncertainty(2)
+    assert 0.0 < angle < math.radians(2.0) and 0.0 < distance < 0.03
+    far = poses[-1] @ Pose(1.0, 0.0, 0.0)
+    out.add_scan(far, motions[0])
+    out.solve()
+    assert out.uncertainty(2)[0] > angle and out.uncertainty(2)[1] > distance
+
+
+def log_of_a_drive(seed):
+    """Twice about a room with a column, steered by the truth: odometry and scans, and the true scan poses."""
+    walls = [
+        [0, 0, 4, 0],
+        [4, 0, 4, 3],
+        [4, 3, 0, 3],
+        [0, 3, 0, 0],
+        [1.5, 1.3, 2.5, 1.3],
+        [1.5, 1.7, 2.5, 1.7],
+    ]
+    world = World("ring", "", np.array(walls, dtype=float), np.zeros(6), np.zeros((0, 3)), START, True)
+    robot = Simulator(world, SimulatorConfig(noise=noise_preset("paper")), np.random.default_rng(seed))
+    log, true = [], []
+    stops = [(2.0, 0.6), (3.4, 0.6), (3.4, 2.4), (2.0, 2.4), (0.6, 2.4), (0.6, 0.6)] * 2
+    for i, (x, y) in enumerate(stops):
+        true.append(robot.true_pose)
+        log.append(robot.scan(-1 if i % 2 else 1))
+        for _ in range(300):
+            here = robot.true_pose
+            error = wrap_angle(math.atan2(y - here.y, x - here.x) - here.heading)
+            if math.hypot(x - here.x, y - here.y) < 0.05:
+                break
+            robot.tick(0.4 if abs(error) < 0.3 else 0.0, float(np.clip(error / 0.04, -0.8, 0.8)))
+            log.append(robot.pose_robot_in_odometry)
+    return log, true
+
+
+def final_error(name, log, true):
+    slam = make_slam(name, START)
+    for entry in log:
+        if isinstance(entry, Pose):
+            slam.predict(entry)
+        else:
+            slam.update(entry)
+    return np.mean([e.pose.distance_to(t) for e, t in zip(slam.scans, true, strict=True)])
+
+
+def test_smoothed_ends_nearer_the_truth_than_chain_and_both_than_dead_reckoning():
+    logs = [log_of_a_drive(seed) for seed in range(5)]
+    smoothed, chain, off = (
+        np.mean([final_error(name, *run) for run in logs]) for name in ("smoothed", "chain", "off")
+    )
+    assert smoothed < chain < off

@@ -1,0 +1,144 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
+"""The robot's mind: it maps a log as it maps what it drives, goes far in legs, and puts aside what it cannot reach."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sonar_explore.config import ExplorationConfig
+from sonar_explore.envs.simulator import Simulator
+from sonar_explore.envs.world import World
+from sonar_explore.explorer import Explorer
+from sonar_explore.geometry import Pose
+from sonar_explore.mapping.grid import FREE
+from sonar_explore.planning.candidates import Candidate
+from sonar_explore.planning.driving import DriveEnd
+from sonar_explore.slam import make_slam
+
+CONFIG = ExplorationConfig().with_noise("ideal")
+WALLS = np.array([[-1, 0.8, 9, 0.8], [-1, -0.8, 9, -0.8], [-1, -0.8, -1, 0.8]], dtype=float)
+CORRIDOR = World("corridor", "", WALLS, np.zeros(3), np.zeros((0, 3)), Pose(0, 0, 0), False)
+
+
+class Parked:
+    """A robot that has nothing but its odometry: nobody may drive it or ask it for a scan."""
+
+    pose_robot_in_odometry = Pose(0.0, 0.0, 0.0)
+
+    def __getattr__(self, name):
+        raise AssertionError(f"the robot was asked for {name}")
+
+
+class Stuck:
+    """A robot whose every step ends in a touch."""
+
+    bumper = True
+
+    def __init__(self, robot):
+        self._robot = robot
+
+    def __getattr__(self, name):
+        return getattr(self._robot, name)
+
+    def tick(self, speed_m_s, turn_rate_rad_s):
+        self._robot.tick(0.0, turn_rate_rad_s)
+
+
+def explorer_in(config=CONFIG, wrap=lambda robot: robot):
+    robot = Simulator(CORRIDOR, config.simulator, np.random.default_rng(0))
+    return robot, Explorer(wrap(robot), make_slam("chain", Pose(0, 0, 0), config.slam), config)
+
+
+def place(x, y):
+    return Candidate(x, y, 1.0, 1.0, (), 0.0, ())
+
+
+def farthest(situation):
+    return max(situation.candidates, key=lambda c: c.x)
+
+
+def driven_down(metres):
+    robot, explorer = explorer_in()
+    explorer.look()
+    for _ in range(12):
+        explorer.go_to(farthest(explorer.situation()))
+        explorer.look()
+        if robot.true_pose.x > metres:
+            return robot, explorer
+    raise AssertionError(f"only {robot.true_pose.x:.2f} m in 12 drives")
+
+
+def test_a_log_is_mapped_without_a_robot_that_drives():
+    robot = Simulator(CORRIDOR, CONFIG.simulator, np.random.default_rng(1))
+    scans = []
+    for _ in range(3):
+        scans.append(robot.scan(1))
+        for _ in range(50):
+            robot.tick(0.3, 0.0)
+    explorer = Explorer(Parked(), make_slam("chain", Pose(0, 0, 0), CONFIG.slam), CONFIG)
+    updates = [explorer.observe(scan) for scan in scans]
+    assert [u.index for u in updates] == [0, 1, 2]
+    assert updates[-1].pose.x == pytest.approx(1.2, abs=0.05)
+    assert all(explorer.grid.states[explorer.grid.frame.cell(u.pose.x, u.pose.y)] == FREE for u in updates)
+
+
+def test_looking_and_reading_the_same_scans_from_a_log_draw_the_same_map():
+    robot, explorer = explorer_in(replace(CONFIG, alternate_spin=False))
+    explorer.look()
+    again = Explorer(Parked(), make_slam("chain", Pose(0, 0, 0), CONFIG.slam), CONFIG)
+    twin = Simulator(CORRIDOR, CONFIG.simulator, np.random.default_rng(0))
+    again.observe(twin.scan(1))
+    assert explorer.grid.frame == again.grid.frame
+    assert (explorer.grid.states == again.grid.states).all()
+
+
+def test_scans_turn_left_and_right_in_turn():
+    robot, explorer = explorer_in()
+    headings = []
+    for _ in range(4):
+        explorer.look()
+        headings.append(robot.pose_robot_in_odometry.heading)
+    assert np.sign(np.diff([0.0, *headings])).tolist() == [1, -1, 1, -1]
+
+
+def test_a_long_way_is_driven_in_legs():
+    robot, explorer = driven_down(4.5)
+    leg = CONFIG.planning.leg_m
+    ends, touches = [], robot.contacts
+    for _ in range(8):
+        before = robot.driven_m
+        ends.append(explorer.go_to(place(0.0, 0.0)).end)
+        assert robot.driven_m - before <= 1.5 * leg + 0.3
+        explorer.look()
+        if ends[-1] is DriveEnd.ARRIVED:
+            break
+    assert ends[-1] is DriveEnd.ARRIVED and len(ends) >= 3
+    assert set(ends[:-1]) == {DriveEnd.UNDERWAY}
+    assert robot.true_pose.distance_to(Pose(0, 0, 0)) < 0.15
+    assert robot.contacts == touches == 0
+
+
+def test_a_place_that_cannot_be_got_to_is_put_aside():
+    _, explorer = explorer_in(wrap=Stuck)
+    explorer.look()
+    chosen = farthest(explorer.situation())
+    trip = explorer.go_to(chosen)
+    assert trip.end in (DriveEnd.BUMPED, DriveEnd.BLOCKED)
+    for c in explorer.situation().candidates:
+        assert np.hypot(c.x - chosen.x, c.y - chosen.y) >= CONFIG.candidates.apart_m
+
+
+def test_a_place_off_the_map_is_no_way_and_moves_nothing():
+    robot, explorer = explorer_in()
+    explorer.look()
+    assert explorer.go_to(place(50.0, 50.0)).end is DriveEnd.BLOCKED
+    assert robot.driven_m == 0.0
+
+
+def test_a_known_pose_is_believed_at_once():
+    robot = Simulator(CORRIDOR, CONFIG.simulator, np.random.default_rng(0))
+    told = Pose(1.0, 2.0, 0.5)
+    slam = make_slam("truth", told, CONFIG.slam)
+    explorer = Explorer(robot, slam, CONFIG, known_pose=lambda: told)
+    assert explorer.look().pose == told and explorer.pose() == told
