@@ -84,7 +84,7 @@ def test_a_log_is_mapped_without_a_robot_that_drives():
 
 
 def test_looking_and_reading_the_same_scans_from_a_log_draw_the_same_map():
-    robot, explorer = explorer_in(replace(CONFIG, alternate_spin=False))
+    _, explorer = explorer_in(replace(CONFIG, alternate_spin=False))
     explorer.look()
     again = Explorer(Parked(), make_slam("chain", Pose(0, 0, 0), CONFIG.slam), CONFIG)
     twin = Simulator(CORRIDOR, CONFIG.simulator, np.random.default_rng(0))

@@ -16,7 +16,7 @@ seeds = st.integers(0, 10_000)
 
 
 def random_put(rng):
-    pose = Pose(*rng.uniform(-2.0, 2.0, 2), rng.uniform(-4.0, 4.0))
+    pose = Pose(*(rng.uniform(-2.0, 2.0, 3) * (1.0, 1.0, 2.0)))
     return pose, rng.uniform(0.0, REACH_M, 24), rng.uniform(0.0, REACH_M, 24) * rng.integers(0, 2, 24)
 
 
@@ -29,7 +29,8 @@ def covering(frame, pose):
 @given(seeds)
 def test_putting_replacing_and_growing_gives_what_a_fresh_draw_gives(seed):
     rng = np.random.default_rng(seed)
-    frame, sectors, held = GridFrame(0.0, 0.0, 0.1, (10, 10)), Sectors(), []
+    frame, sectors = GridFrame(0.0, 0.0, 0.1, (10, 10)), Sectors()
+    held: list = []
     for _ in range(12):
         index = int(rng.integers(0, len(held) + 1))
         put = random_put(rng)

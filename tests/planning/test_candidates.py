@@ -38,7 +38,7 @@ def half_known(seed):
 
 def find(grid, here, scanned=NOWHERE, put_aside=NOWHERE, config=None, chains=()):
     config = config or CandidateConfig()
-    paths = SafePaths(grid, *here, 0.18, PlanningConfig())
+    paths = SafePaths(grid, here[0], here[1], 0.18, PlanningConfig())
     return CandidateFinder(config, 0.18, 0.2, 2.0).find(grid, paths, chains, scanned, put_aside, {}), paths
 
 
@@ -97,7 +97,7 @@ def chain(wall, root_probability=1.0):
 @given(seeds)
 def test_a_chain_answers_just_where_the_foot_of_the_normal_falls_on_it_in_reach(seed):
     rng = np.random.default_rng(seed)
-    pose = Pose(*rng.uniform(1.5, 3.0, 2), rng.uniform(-3, 3))
+    pose = Pose(rng.uniform(1.5, 3.0), rng.uniform(1.5, 3.0), rng.uniform(-3, 3))
     wall = Segment(-0.7, 0.0, 0.7, 0.0).transformed(pose)
     places = rng.uniform(0.0, 5.0, (60, 2))
     along, across = pose.inverse().transform(places).T

@@ -13,9 +13,10 @@ from sonar_explore.geometry import Pose
 from sonar_explore.planning.driving import DriveEnd, Driver, DrivingConfig
 
 CONFIG = SimulatorConfig(noise=noise_preset("ideal"))
+ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
-def driver_in(walls, start=Pose(0.0, 0.0, 0.0)):
+def driver_in(walls, start=ORIGIN):
     rows = np.array(walls, dtype=float).reshape(-1, 4)
     world = World("field", "A field", rows, np.zeros(len(rows)), np.zeros((0, 3)), start, False)
     robot = Simulator(world, CONFIG, np.random.default_rng(0))
@@ -40,7 +41,7 @@ def test_the_end_of_a_free_path_is_reached_whichever_way_the_robot_looks(heading
     path = np.array([[0.0, 0.0], [1.0, 0.5], [1.2, -0.8], [-0.6, -0.6]])
     report = driver.follow(path, room)
     assert report.end is DriveEnd.ARRIVED and len(report.obstacle) == 0
-    assert robot.true_pose.distance_to(Pose(*path[-1], 0.0)) <= 2.0 * DrivingConfig().arrived_m
+    assert robot.true_pose.distance_to(Pose(path[-1, 0], path[-1, 1], 0.0)) <= 2.0 * DrivingConfig().arrived_m
     assert robot.contacts == 0
 
 

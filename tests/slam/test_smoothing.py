@@ -167,7 +167,8 @@ def log_of_a_drive(seed):
     ]
     world = World("ring", "", np.array(walls, dtype=float), np.zeros(6), np.zeros((0, 3)), START, True)
     robot = Simulator(world, SimulatorConfig(noise=noise_preset("paper")), np.random.default_rng(seed))
-    log, true = [], []
+    log: list = []
+    true = []
     stops = [(2.0, 0.6), (3.4, 0.6), (3.4, 2.4), (2.0, 2.4), (0.6, 2.4), (0.6, 0.6)] * 2
     for i, (x, y) in enumerate(stops):
         true.append(robot.true_pose)
