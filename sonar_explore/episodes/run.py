@@ -128,7 +128,6 @@ class _Log:
         self._env = env
         self.steps: list[StepRecord] = []
         self._errors: list[tuple[float, float]] = []
-        self._true_trail: list[Pose] = []
         self._note()
 
     def _note(self) -> None:
