@@ -8,13 +8,13 @@ from itertools import pairwise
 
 import numpy as np
 from scipy import ndimage
-from skimage.graph import MCP_Geometric
 from skimage.measure import approximate_polygon
 from skimage.morphology import remove_small_holes
 
 from sonar_explore.geometry import Array
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask
 from sonar_explore.mapping.occupancy import OccupancyGrid
+from sonar_explore.planning.cheapest import cheapest_costs, cheapest_way
 
 TOLERANCES_M = (0.10, 0.05, 0.025)  # how far a straightened path may leave the cells of the cheapest one
 
@@ -38,7 +38,7 @@ class PlanningConfig:
     daring_margin_m: float = -0.02
     """And gaps that the map draws too narrow are tried: the ring of eight knows better there, [m]."""
     escape_m: float = 0.30
-    """From a start without room a path may first leave it within this distance, [m]."""
+    """A start without room may be left over any cells but walls, within this distance of it, [m]."""
 
 
 class SafePaths:
@@ -67,18 +67,16 @@ class SafePaths:
         if daring:
             room = np.minimum(room + config.unknown_credit_m, grid.to_walls_m - 0.5 * res)
         least = body_radius_m + (config.daring_margin_m if daring else config.margin_m)
-        cost = np.where(room >= least, _cost(room, least, config), np.inf)
         start = grid.frame.cell(x, y)
-        rows = np.arange(grid.frame.shape[0])[:, None] - start[0]
-        columns = np.arange(grid.frame.shape[1])[None, :] - start[1]
-        near = rows**2 + columns**2 <= (config.escape_m / res) ** 2
-        leave = near & (room < least) & (grid.states != OCCUPIED)
-        cost[leave] = 1.0 + 2.0 * config.comfort_weight
-        cost[start] = 1.0
+        cost = np.where(room >= least, _cost(room, least, config), np.inf)
+        if room[start] < least:
+            leave = _escape_zone(grid, start, config.escape_m) & (room < least)
+            cost[leave] = 1.0 + 2.0 * config.comfort_weight
+            cost[start] = 1.0
         self.room_m = room
         """Distance of each cell to the nearest cell that is not free, shape (rows, columns), [m]."""
-        self._mcp = MCP_Geometric(cost, fully_connected=True)
-        self._costs, _ = self._mcp.find_costs([start])
+        self._cell_costs, self._occupied = cost, grid.occupied
+        self._costs = cheapest_costs(cost, self._occupied, start)
         self.within = np.isfinite(self._costs) & (room >= least)
         """Cells that the body can be driven to, shape (rows, columns)."""
 
@@ -98,8 +96,7 @@ class SafePaths:
         cell = self.frame.cell(x, y)
         if not self.frame.contains(np.array([cell]))[0] or not np.isfinite(self._costs[cell]):
             return None
-        cells = np.array(self._mcp.traceback(cell))
-        return self.frame.centres(cells)
+        return self.frame.centres(cheapest_way(self._cell_costs, self._occupied, self._costs, cell))
 
 
 def clearance(grid: OccupancyGrid, config: PlanningConfig) -> Array:
@@ -108,6 +105,21 @@ def clearance(grid: OccupancyGrid, config: PlanningConfig) -> Array:
     free: Mask = remove_small_holes(grid.states == FREE, max_size=round(config.speck_m2 / res**2))
     free = free & (grid.states != OCCUPIED)
     return np.asarray((ndimage.distance_transform_edt(free) - 0.5) * res)
+
+
+def _escape_zone(grid: OccupancyGrid, start: tuple[int, int], within_m: float) -> Mask:
+    """Cells about the start that can be got to from it by their sides without entering a wall; (rows, columns)."""
+    reach = math.floor(within_m / grid.frame.resolution_m)
+    first = max(0, start[0] - reach), max(0, start[1] - reach)
+    about = slice(first[0], start[0] + reach + 1), slice(first[1], start[1] + reach + 1)
+    rows, columns = np.indices(grid.states[about].shape)
+    off = np.hypot(rows + first[0] - start[0], columns + first[1] - start[1])
+    open_ = (off * grid.frame.resolution_m <= within_m) & (grid.states[about] != OCCUPIED)
+    open_[start[0] - first[0], start[1] - first[1]] = True
+    regions, _ = ndimage.label(open_)
+    zone: Mask = np.zeros(grid.frame.shape, dtype=bool)
+    zone[about] = regions == regions[start[0] - first[0], start[1] - first[1]]
+    return zone
 
 
 def _cost(room: Array, least: float, config: PlanningConfig) -> Array:

@@ -98,6 +98,48 @@ def test_the_daring_reach_no_less(seed):
     assert (grid.to_walls_m[cells[:, 0], cells[:, 1]] >= BODY_M + CONFIG.daring_margin_m).all()
 
 
+@settings(max_examples=40, deadline=None)
+@given(seeds)
+def test_a_start_without_room_is_left_by_the_sides_of_cells_that_are_no_walls(seed):
+    """Until it has room a path stays near the start, enters no wall, and passes none at a corner."""
+    grid, x, y, rng = cluttered(seed)
+    tight = np.argwhere((clearance(grid, CONFIG) < LEAST_M) & (grid.states != OCCUPIED))
+    start = tight[rng.integers(len(tight))]
+    x, y = FRAME.centres(start[None])[0]
+    paths = SafePaths(grid, x, y, BODY_M, CONFIG)
+    assume(paths.within.any())
+    for path in some_paths(paths, rng):
+        cells = FRAME.cells(path)
+        assert (cells[0] == start).all() and (grid.states[cells[:, 0], cells[:, 1]] != OCCUPIED).all()
+        cramped = cells[paths.room_m[cells[:, 0], cells[:, 1]] < LEAST_M]
+        assert np.hypot(*(cramped - start).T).max() * FRAME.resolution_m <= CONFIG.escape_m + 1e-9
+        for (row, column), (next_row, next_column) in pairwise(cells):
+            assert OCCUPIED not in (grid.states[row, next_column], grid.states[next_row, column])
+
+
+def test_no_start_leads_through_a_wall_that_is_whole_at_its_corners_alone():
+    states = np.full(FRAME.shape, FREE, dtype=np.uint8)
+    for row in range(1, 69):  # a slanting wall, its cells touch at their corners
+        states[row, row + 5] = OCCUPIED
+    states[[0, -1]] = OCCUPIED
+    grid = OccupancyGrid(FRAME, states)
+    for column in range(36, 42):
+        x, y = FRAME.centres(np.array([[35, column]]))[0]
+        if states[35, column] == OCCUPIED:
+            continue
+        within = SafePaths(grid, x, y, BODY_M, CONFIG, daring=True).within
+        rows, columns = np.nonzero(within)
+        assert (np.sign(columns - rows - 5) == np.sign(column - 40)).all()
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds)
+def test_a_start_with_room_is_left_with_room(seed):
+    grid, x, y, _ = cluttered(seed)
+    paths = SafePaths(grid, x, y, BODY_M, CONFIG)
+    assert (paths.room_m[np.isfinite(paths.cost_m)] >= LEAST_M).all()
+
+
 @pytest.mark.parametrize(("gap_m", "open_"), [(0.3, False), (0.4, False), (0.6, True), (0.9, True)])
 def test_a_wall_is_passed_by_a_door_wide_enough_or_not_at_all(gap_m, open_):
     states = np.full(FRAME.shape, FREE, dtype=np.uint8)

@@ -1,0 +1,109 @@
+"""Cheapest ways over a grid from one cell (Dijkstra 1959, with the buckets of Dial 1969)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sonar_explore.compiled import kernel
+from sonar_explore.geometry import Array
+from sonar_explore.mapping.grid import Cells, Mask
+
+_SQRT2 = math.sqrt(2.0)
+
+
+def cheapest_costs(cost: Array, occupied: Mask, start: tuple[int, int]) -> Array:
+    """Cost of the cheapest way from the start to each cell, shape (rows, columns); inf where there is none.
+
+    A step leads to one of eight neighbours and costs the mean of both cells' costs times its length in cells. No
+    diagonal step passes an occupied cell: the body would cut its corner.
+
+    Args:
+        cost: of each cell, at least 1, inf where it must not be entered, shape (rows, columns).
+        occupied: cells that no step may brush past, shape (rows, columns).
+        start: (row, column); its cost is finite.
+    """
+    out = np.full(cost.shape, np.inf)
+    dearest = float(cost.max(initial=1.0, where=np.isfinite(cost)))
+    buckets = np.full(math.ceil(_SQRT2 * dearest) + 2, -1, dtype=np.int64)
+    _spread(cost, occupied, start[0], start[1], out, buckets)
+    return out
+
+
+def cheapest_way(cost: Array, occupied: Mask, costs: Array, end: tuple[int, int]) -> Cells:
+    """The cells of a cheapest way, from the start to a cell that has one, shape (n, 2).
+
+    Where several are as cheap, straight steps go before diagonal ones, and lower rows and columns first.
+    """
+    return np.asarray(_way_back(cost, occupied, costs, end[0], end[1]))[::-1]
+
+
+@kernel
+def _spread(cost, occupied, row, column, out, buckets):  # type: ignore[no-untyped-def]
+    """Bucket k holds the cells between k and k + 1 away. No step costs less than 1: they all are final at once."""
+    rows, columns = cost.shape
+    cells = np.empty(8 * cost.size + 1, dtype=np.int32)
+    following = np.empty(8 * cost.size + 1, dtype=np.int32)
+    out[row, column] = 0.0
+    cells[0], following[0], buckets[0] = row * columns + column, -1, 0
+    used = waiting = 1
+    level = 0
+    while waiting > 0:
+        entry = buckets[level % len(buckets)]
+        buckets[level % len(buckets)] = -1
+        while entry >= 0:
+            row, column = cells[entry] // columns, cells[entry] % columns
+            entry = following[entry]
+            waiting -= 1
+            here = out[row, column]
+            if here < level:  # was there already, by a cheaper way
+                continue
+            for dr in range(-1, 2):
+                r = row + dr
+                if r < 0 or r >= rows:
+                    continue
+                for dc in range(-1, 2):
+                    c = column + dc
+                    if c < 0 or c >= columns or cost[r, c] == np.inf:
+                        continue
+                    length = 1.0
+                    if dr != 0 and dc != 0:
+                        if occupied[row, c] or occupied[r, column]:
+                            continue
+                        length = _SQRT2
+                    total = here + 0.5 * (cost[row, column] + cost[r, c]) * length
+                    if total < out[r, c]:
+                        out[r, c] = total
+                        bucket = int(total) % len(buckets)
+                        cells[used], following[used] = r * columns + c, buckets[bucket]
+                        buckets[bucket] = used
+                        used += 1
+                        waiting += 1
+        level += 1
+
+
+@kernel
+def _way_back(cost, occupied, costs, row, column):  # type: ignore[no-untyped-def]
+    """From the end, each time the neighbour by which the cell came to its cost."""
+    rows, columns = cost.shape
+    way = [(row, column)]
+    while costs[row, column] > 0.0:
+        found = False
+        for diagonal in range(2):
+            for dr in range(-1, 2):
+                for dc in range(-1, 2):
+                    r, c = row + dr, column + dc
+                    if found or (dr != 0) + (dc != 0) != 1 + diagonal:
+                        continue
+                    if r < 0 or c < 0 or r >= rows or c >= columns or costs[r, c] == np.inf:
+                        continue
+                    if diagonal and (occupied[row, c] or occupied[r, column]):
+                        continue
+                    length = _SQRT2 if diagonal else 1.0
+                    if costs[r, c] + 0.5 * (cost[r, c] + cost[row, column]) * length == costs[row, column]:
+                        found = True
+                        next_row, next_column = r, c
+        row, column = next_row, next_column
+        way.append((row, column))
+    return np.array(way)
