@@ -167,14 +167,14 @@ class OccupancyMapper:
         """Corners, edges and columns that the last scans saw, x y, shape (n, 2), map frame, [m]."""
 
     def draw(
-        self, poses: Sequence[Pose], looks: Sequence[Look], trail: Array, obstacles: Array
+        self, poses: Sequence[Pose], looks: Sequence[Look], trails: Sequence[Array], obstacles: Array
     ) -> OccupancyGrid:
         """The grid of these scans at these poses.
 
         Args:
             poses: `pose_robot_in_map` of each scan, as now believed.
             looks: evidence of each scan.
-            trail: where the body has been, shape (n, 2), map frame, [m].
+            trails: where the body has been since each scan, shape (n, 2) each, in that scan's frame, [m].
             obstacles: pieces of wall that stood in the way of a drive, shape (k, 4), map frame, [m].
         """
         cfg = self._config
@@ -204,8 +204,9 @@ class OccupancyMapper:
             own = _placed([pose], [look.continuations[~pivots[scan == i]]])
             clear = cut_at_walls(pose.x, pose.y, pose.heading, look.clear_m, barriers, own, cfg.wall_margin_m)
             self._sectors.put(i, pose, clear, look.core_m)
+            self._sectors.trail(i, pose, trails[i], self._body)
         cleared, core = self._sectors.cleared, self._sectors.core
-        body = self._sectors.trail(trail, self._body)
+        body = self._sectors.body
         against = cfg.core_weight * core + cfg.body_weight * body
         bridged = np.zeros(frame.shape)
         mark_segments(frame, bridged, gaps, cfg.wall_weight)

@@ -32,12 +32,15 @@ def cut_at_walls(
 
 
 class Sectors:
-    """How many scans have cleared each cell; a scan that moved or was cut anew is taken off and put on again."""
+    """How many scans have cleared each cell, and where the body has been.
+
+    A scan that moved or was cut anew is taken off and put on again, and with it the way driven since.
+    """
 
     def __init__(self) -> None:
         self._frame: GridFrame | None = None
         self._put: list[tuple[Pose, Array, Array]] = []
-        self._trail = 0
+        self._trails: list[tuple[Pose, Array]] = []
         self.cleared: Counts = np.zeros((0, 0), dtype=np.int32)
         """By any reading, shape (rows, columns)."""
         self.core: Counts = np.zeros((0, 0), dtype=np.int32)
@@ -70,13 +73,27 @@ class Sectors:
         self._put[index] = (pose, clear_m, core_m)
         self._mark(self._put[index], 1)
 
-    def trail(self, points: Array, radius_m: float) -> Mask:
-        """Cells that the body has covered, shape (rows, columns); `points` only ever grow, shape (n, 2), [m]."""
-        disc = np.full(8, radius_m - 0.5 * self._at[2])
-        for x, y in points[self._trail :]:
-            _mark(self._body, *self._at, x, y, 0.0, disc, 1)
-        self._trail = len(points)
+    def trail(self, index: int, pose: Pose, points: Array, radius_m: float) -> None:
+        """Where the body has been since a scan, shape (n, 2), in that scan's frame, [m]; `points` only ever grow."""
+        if index == len(self._trails):
+            self._trails.append((pose, np.zeros((0, 2))))
+        before, covered = self._trails[index]
+        if before != pose:
+            self._cover(covered, radius_m, -1)
+            covered = covered[:0]
+        more = pose.transform(points[len(covered) :])
+        self._cover(more, radius_m, 1)
+        self._trails[index] = (pose, np.vstack([covered, more]))
+
+    @property
+    def body(self) -> Mask:
+        """Cells that the body has covered, shape (rows, columns)."""
         return self._body > 0
+
+    def _cover(self, points: Array, radius_m: float, count: int) -> None:
+        disc = np.full(8, radius_m - 0.5 * self._at[2])
+        for x, y in points:
+            _mark(self._body, *self._at, x, y, 0.0, disc, count)
 
     @property
     def _at(self) -> tuple[float, float, float]:

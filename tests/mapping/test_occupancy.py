@@ -48,8 +48,13 @@ def seen(walls, clear_m=0.0):
 
 
 def draw(poses, looks, trail=(), obstacles=NONE):
-    trail = np.array(trail, dtype=float).reshape(-1, 2)
-    return mapper().draw(poses, looks, trail, obstacles)
+    """With a trail, given in the map frame, since the first scan."""
+    since_first = poses[0].inverse().transform(np.array(trail, dtype=float).reshape(-1, 2))
+    return mapper().draw(poses, looks, [since_first, *nowhere(len(poses) - 1)], obstacles)
+
+
+def nowhere(scans):
+    return [np.zeros((0, 2))] * scans
 
 
 def state(grid, x, y):
@@ -116,10 +121,10 @@ def test_a_long_specular_reading_neither_erases_a_wall_nor_frees_what_is_behind_
 def test_what_was_free_behind_a_wall_not_yet_seen_does_not_stay_free():
     before, after = mapper(), mapper()
     look, wall = nothing_seen(clear_m=1.4), seen([[0.8, -0.6, 0.8, 0.6]])
-    grid = before.draw([Pose(0, 0, 0)], [look], np.zeros((0, 2)), NONE)
+    grid = before.draw([Pose(0, 0, 0)], [look], nowhere(1), NONE)
     assert state(grid, 1.2, 0.0) == FREE
     for m in (before, after):
-        grid = m.draw([Pose(0, 0, 0)] * 2, [look, wall], np.zeros((0, 2)), NONE)
+        grid = m.draw([Pose(0, 0, 0)] * 2, [look, wall], nowhere(2), NONE)
         assert state(grid, 1.2, 0.0) == UNKNOWN
 
 
@@ -195,7 +200,7 @@ def test_a_foot_that_turns_is_on_the_map_as_a_point_and_bars_no_door():
     walls = [segment(1.0, 0.0, a) for a in (0.0, 0.5, 1.0)]
     m = mapper()
     looks = [*[seen([w]) for w in walls], nothing_seen(clear_m=1.5)]
-    grid = m.draw([Pose(0, 0, 0)] * 4, looks, np.zeros((0, 2)), NONE)
+    grid = m.draw([Pose(0, 0, 0)] * 4, looks, nowhere(4), NONE)
     assert state(grid, 1.0, 0.0) == OCCUPIED
     assert np.count_nonzero(grid.occupied) == 1
     assert m.recent_points == pytest.approx(np.array([[1.0, 0.0]] * 3))
@@ -217,17 +222,27 @@ def test_a_wall_segment_ends_at_the_edges_heard_on_it_and_keeps_its_foot(seed):
     assert low == pytest.approx(max(-0.6, at) if on and at < 0 else -0.6)
 
 
+def test_where_the_body_has_been_moves_with_the_scan_it_was_believed_after():
+    m, wall = mapper(), np.array([[0.5, -0.6, 0.5, 0.6]])
+    driven = np.column_stack([np.arange(0.0, 1.0, 0.05), np.zeros(20)])
+    looks = [nothing_seen()] * 2
+    grid = m.draw([Pose(0, 0, 0)] * 2, looks, [driven, driven[:1]], wall)
+    assert state(grid, 0.5, 0.0) == FREE and state(grid, 0.5, 0.4) == OCCUPIED
+    grid = m.draw([Pose(0, 0.4, 0), Pose(0, 0, 0)], looks, [driven, driven[:1]], wall)
+    assert state(grid, 0.5, 0.0) == OCCUPIED and state(grid, 0.5, 0.4) == FREE
+
+
 @settings(max_examples=8, deadline=None)
 @given(seeds)
 def test_redrawing_from_scratch_gives_the_grid_that_was_drawn_scan_by_scan(seed):
     true, looks, _ = scans_of_a_room(seed, 7)
     rng, m = np.random.default_rng(seed), mapper()
-    trail = rng.uniform(0.5, 2.0, (14, 2))
+    trails = rng.uniform(-0.4, 0.4, (7, 3, 2))
     obstacle = rng.uniform(0.0, 2.0, (1, 4))
     for k in range(1, 8):  # every pose is believed anew with every scan
         poses = [Pose(p.x + dx, p.y + dy, p.heading + dh) for p, (dx, dy, dh) in moved(true[:k], rng)]
-        grid = m.draw(poses, looks[:k], trail[: 2 * k], obstacle)
-    fresh = mapper().draw(poses, looks, trail, obstacle)
+        grid = m.draw(poses, looks[:k], [*trails[: k - 1], trails[k - 1, :1]], obstacle)
+    fresh = mapper().draw(poses, looks, [*trails[:6], trails[6, :1]], obstacle)
     assert (window(grid.frame, grid.states, fresh.frame) == fresh.states).all()
 
 
