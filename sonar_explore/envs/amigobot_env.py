@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.envs.rendering import top_view_ansi, top_view_rgb
 from sonar_explore.envs.simulator import Simulator, SimulatorConfig
-from sonar_explore.envs.world import MAX_COORDINATE_M, World, load_world
+from sonar_explore.envs.world import MAX_COORDINATE_M, World, draw_world, is_generator, load_world
 from sonar_explore.episodes.scoring import Scorer
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, wrap_angle
@@ -56,7 +56,8 @@ class AmigoBotEnv(gym.Env[Observation, Action]):
 
     ## Starting State
     The world's start pose, wheels at rest, after one round of all eight discs (0.32 s). What is in view of the
-    start pays no reward. The seed fixes the odometry error, the air's temperature and all noise.
+    start pays no reward. The seed fixes the odometry error, the air's temperature and all noise, and which world it
+    is where the world is drawn anew.
 
     ## Episode End
     Terminated when 99 % of the reachable area is explored (`info["end_reason"]` is `explored`). A touch stops the
@@ -65,11 +66,13 @@ class AmigoBotEnv(gym.Env[Observation, Action]):
 
     ## Information
     `end_reason` (empty while the episode runs); `sim_time_s`; `path_length_m`, by the wheels; `contacts`; and
-    `truth`: `pose` (3,) in the world frame and `explored_fraction`, for scoring and pictures alone.
+    `truth`: `pose` (3,) in the world frame, `explored_fraction` and the `world`'s name, for scoring and pictures
+    alone.
 
     ## Arguments
-    `world`: a shipped name or a file. `noise`: odometry preset `paper`, `ideal`, `worn`, or None to take
-    `config`'s. `config`: a `SimulatorConfig`. `control_period_s`: a multiple of the 40 ms between pings.
+    `world`: a shipped name, a file, one generated world such as `generated/office-17`, or a generator such as
+    `generated/office`, which draws a new world at each reset. `noise`: odometry preset `paper`, `ideal`, `worn`, or
+    None to take `config`'s. `config`: a `SimulatorConfig`. `control_period_s`: a multiple of the 40 ms between pings.
     `render_mode`: `rgb_array` or `ansi`, the true top view.
 
     ## Version History
@@ -86,9 +89,9 @@ class AmigoBotEnv(gym.Env[Observation, Action]):
         control_period_s: float = 0.16,
         render_mode: str | None = None,
     ) -> None:
-        self.world = world if isinstance(world, World) else load_world(world)
-        self.simulator = Simulator(self.world, _simulator_config(config, noise), np.random.default_rng(0))
-        self.scorer = Scorer(self.world)
+        self._generator = str(world) if is_generator(world) else None
+        self._config = _simulator_config(config, noise)
+        self._enter(world if isinstance(world, World) else load_world(world))
         self.render_mode = render_mode
         body = self.simulator.config.robot
         self._ticks = _ticks(control_period_s, body.ping_interval_s)
@@ -108,6 +111,8 @@ class AmigoBotEnv(gym.Env[Observation, Action]):
     ) -> tuple[Observation, dict[str, Any]]:
         """Back to the start; every disc has fired once."""
         super().reset(seed=seed)
+        if self._generator is not None:
+            self._enter(draw_world(self._generator, self.np_random))
         self.simulator.reset(self.np_random)
         for _ in self.simulator.config.robot.sonars:
             self.simulator.tick(0.0, 0.0)
@@ -146,6 +151,12 @@ class AmigoBotEnv(gym.Env[Observation, Action]):
             return top_view_rgb(self.world, true_pose, self._echoes_in_world())
         return top_view_ansi(self.world, true_pose) if self.render_mode == "ansi" else None
 
+    def _enter(self, world: World) -> None:
+        """Put the robot into a world."""
+        self.world = world
+        self.scorer = Scorer(world)
+        self.simulator = Simulator(world, self._config, np.random.default_rng(0))
+
     def _count(self) -> None:
         self._counted_at = self.simulator.true_pose
         self._explored_fraction = self.scorer.add_scan(self._counted_at.x, self._counted_at.y)
@@ -179,6 +190,7 @@ class AmigoBotEnv(gym.Env[Observation, Action]):
             "truth": {
                 "pose": np.array([true_pose.x, true_pose.y, true_pose.heading]),
                 "explored_fraction": self._explored_fraction,
+                "world": self.world.name,
             },
         }
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -12,7 +14,7 @@ from numpy.typing import NDArray
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.envs.rendering import render_ansi, render_rgb
 from sonar_explore.envs.simulator import Simulator
-from sonar_explore.envs.world import MAX_COORDINATE_M, World, load_world
+from sonar_explore.envs.world import MAX_COORDINATE_M, World, draw_world, is_generator, load_world
 from sonar_explore.episodes.scoring import Scorer
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.explorer import Explorer, Situation, Trip
@@ -61,20 +63,22 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
 
     ## Starting State
     The robot stands at the world's start pose and has taken its first scan. The seed fixes the odometry error,
-    the air's temperature and all noise.
+    the air's temperature and all noise, and which world it is where the world is drawn anew.
 
     ## Episode End
     Terminated when no candidate is left (`info["end_reason"]` is `explored`, or `stuck` where a place that was put
-    aside is all that is left). Truncated at `config.max_scans` (`scan_limit`).
+    aside is all that is left). Truncated after `max_scans` scans (`scan_limit`).
 
     ## Information
     `action_mask`; `end_reason` (empty while the episode runs); `sim_time_s`; `path_length_m`; `contacts`; and
-    `truth`: `pose` (3,) and `explored_fraction`, for scoring and pictures alone.
+    `truth`: `pose` (3,), `explored_fraction` and the `world`'s name, for scoring and pictures alone.
 
     ## Arguments
-    `world`: a shipped name or a file. `slam`: `chain`, `off` or `truth`. `noise`: odometry preset `paper`, `ideal`,
-    `worn`, or None to take `config`'s. `config`: an `ExplorationConfig`. `max_candidates`, `max_chains`,
-    `map_shape`: sizes of the observation. `render_mode`: `rgb_array` or `ansi`.
+    `world`: a shipped name, a file, one generated world such as `generated/office-17`, or a generator such as
+    `generated/office`, which draws a new world at each reset. `slam`: `chain`, `literal`, `smoothed`, `off` or
+    `truth`. `noise`: odometry preset `paper`, `ideal`, `worn`, or None to take `config`'s. `config`: an
+    `ExplorationConfig`. `max_scans`: None to take `config`'s. `max_candidates`, `max_chains`, `map_shape`: sizes of
+    the observation, the same for every world that is drawn. `render_mode`: `rgb_array` or `ansi`.
 
     ## Version History
     v0: first.
@@ -84,7 +88,7 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
 
     def __init__(
         self,
-        world: str | World = "paper/rooms",
+        world: str | Path | World = "paper/rooms",
         slam: str = "chain",
         noise: str | None = "paper",
         config: ExplorationConfig | None = None,
@@ -92,30 +96,25 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
         max_chains: int = 64,
         map_shape: tuple[int, int] = (480, 640),
         render_mode: str | None = None,
+        max_scans: int | None = None,
     ) -> None:
         config = config or ExplorationConfig()
+        config = config if max_scans is None else replace(config, max_scans=max_scans)
         self.config = config if noise is None else config.with_noise(noise)
+        if self.config.max_scans < 1:
+            raise SonarExploreError(f"max_scans is {self.config.max_scans}; at least 1 is possible")
         if max_candidates < self.config.candidates.most:
             raise SonarExploreError(
                 f"max_candidates is {max_candidates}, fewer than the {self.config.candidates.most} "
                 "that config.candidates.most may offer"
             )
-        self.world = world if isinstance(world, World) else load_world(world)
+        self._generator = str(world) if is_generator(world) else None
+        self._map_shape = map_shape
         self.slam_name = slam
+        self._enter(world if isinstance(world, World) else load_world(world))
         make_slam(slam, self.world.start, self.config.slam)
         self.render_mode = render_mode
-        self.scorer = Scorer(self.world)
-        self.simulator = Simulator(self.world, self.config.simulator, np.random.default_rng(0))
         self._max_chains = max_chains
-        res = self.config.mapping.resolution_m
-        rows, columns = map_shape
-        start = self.world.start
-        self._frame = GridFrame(
-            (round(start.x / res) - columns // 2) * res,
-            (round(start.y / res) - rows // 2) * res,
-            res,
-            map_shape,
-        )
         self.action_space = spaces.Discrete(max_candidates)
         self.observation_space = spaces.Dict(
             {
@@ -139,6 +138,8 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
     ) -> tuple[Observation, dict[str, Any]]:
         """Back to the start; the first scan is taken."""
         super().reset(seed=seed)
+        if self._generator is not None:
+            self._enter(draw_world(self._generator, self.np_random))
         self.simulator.reset(self.np_random)
         self.slam = make_slam(self.slam_name, self.world.start, self.config.slam)
         known_pose = (lambda: self.simulator.true_pose) if self.slam_name == "truth" else None
@@ -192,6 +193,16 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
             return render_rgb(self.situation)
         return render_ansi(self.situation) if self.render_mode == "ansi" else None
 
+    def _enter(self, world: World) -> None:
+        """Put the robot into a world."""
+        self.world = world
+        self.scorer = Scorer(world)
+        self.simulator = Simulator(world, self.config.simulator, np.random.default_rng(0))
+        res, (rows, columns) = self.config.mapping.resolution_m, self._map_shape
+        x0 = (round(world.start.x / res) - columns // 2) * res
+        y0 = (round(world.start.y / res) - rows // 2) * res
+        self._frame = GridFrame(x0, y0, res, self._map_shape)
+
     def _look(self) -> None:
         self.true_scan_pose: Pose = self.simulator.true_pose
         self.update = self.explorer.look()
@@ -236,5 +247,6 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
             "truth": {
                 "pose": np.array([true_pose.x, true_pose.y, true_pose.heading]),
                 "explored_fraction": float(self.explored_fraction),
+                "world": self.world.name,
             },
         }

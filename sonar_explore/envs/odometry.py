@@ -41,6 +41,11 @@ def noise_preset(name: str) -> OdometryNoise:
     return NOISE_PRESETS[name]
 
 
+def noise_name(noise: OdometryNoise) -> str:
+    """The name of these errors; `custom` where no preset has them."""
+    return next((name for name, preset in NOISE_PRESETS.items() if preset == noise), "custom")
+
+
 class OdometryError:
     """The error of one robot on one day: its systematic part stays the same all episode."""
 

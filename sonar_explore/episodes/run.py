@@ -18,7 +18,8 @@ from sonar_explore import __version__
 from sonar_explore.agents import Decision, ExplorationPolicy, make_agent
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.envs.exploration_env import ExplorationEnv
-from sonar_explore.envs.world import World, load_world
+from sonar_explore.envs.odometry import noise_name
+from sonar_explore.envs.world import World
 from sonar_explore.episodes.loops import loop_closed
 from sonar_explore.episodes.record import (
     AssociationRecord,
@@ -47,7 +48,7 @@ def run_episode(
     world: str | Path | World,
     agent: str | ExplorationPolicy = "frontier",
     slam: str = "chain",
-    noise: str = "paper",
+    noise: str | None = "paper",
     seed: int = 0,
     *,
     config: ExplorationConfig | None = None,
@@ -56,10 +57,10 @@ def run_episode(
     """Explore a world once.
 
     Args:
-        world: a shipped name, a file, or a world.
+        world: a name, a file, or a world; a generator such as `generated/office` draws the world by the seed.
         agent: a known name, `module:Name`, or a policy.
-        slam: `chain`, `off` or `truth`.
-        noise: odometry preset: `paper`, `ideal` or `worn`.
+        slam: `chain`, `literal`, `smoothed`, `off` or `truth`.
+        noise: odometry preset: `paper`, `ideal` or `worn`; None takes the configuration's own.
         seed: fixes everything but the wall time.
         config: every other choice.
         on_step: called with each step as it is made.
@@ -70,9 +71,8 @@ def run_episode(
     if not 0 <= seed <= MAX_SEED:
         raise SonarExploreError(f"seed {seed} is out of range; possible: 0 to {MAX_SEED}")
     began = time.perf_counter()
-    place = world if isinstance(world, World) else load_world(world)
     policy = make_agent(agent) if isinstance(agent, str) else agent
-    env = ExplorationEnv(place, slam, noise, config)
+    env = ExplorationEnv(world, slam, noise, config)
     env.reset(seed=seed)
     if hasattr(policy, "reset"):
         policy.reset(seed)
@@ -85,13 +85,13 @@ def run_episode(
     names = {
         "agent": agent if isinstance(agent, str) else type(policy).__name__,
         "slam": slam,
-        "noise": noise,
+        "noise": noise_name(env.config.simulator.noise) if noise is None else noise,
     }
     summary = log.summary(seed=seed, wall_time_s=round(time.perf_counter() - began, 3), **names)
     return EpisodeRecord(
         version=__version__,
         config=msgspec.to_builtins(env.config),
-        world=_world_record(place),
+        world=_world_record(env.world),
         summary=summary,
         steps=log.steps,
         chains=[_chain_record(chain) for chain in env.situation.chains],

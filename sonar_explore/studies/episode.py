@@ -7,8 +7,6 @@ import traceback
 from pathlib import Path
 
 from sonar_explore import __version__
-from sonar_explore.config import ExplorationConfig
-from sonar_explore.envs.odometry import NOISE_PRESETS, noise_preset
 from sonar_explore.episodes.record import EpisodeRecord
 from sonar_explore.episodes.run import run_episode
 from sonar_explore.studies.jobs import Job, Outcome
@@ -42,18 +40,7 @@ def run_job(job: Job, folder: Path, keep_record: bool, fingerprint: str) -> Outc
 
 
 def _run(job: Job) -> EpisodeRecord:
-    config = job.config
-    noise = _noise_name(job, config)
-    return run_episode(job.world, slam=job.variant.slam, noise=noise, seed=job.seed, config=config)
-
-
-def _noise_name(job: Job, config: ExplorationConfig) -> str:
-    """The preset's name; wheels that a variant changed are a preset of their own, in this process alone."""
-    if config.simulator.noise == noise_preset(job.noise):
-        return job.noise
-    name = f"{job.noise}, {job.variant.name}"
-    NOISE_PRESETS[name] = config.simulator.noise
-    return name
+    return run_episode(job.world, slam=job.variant.slam, noise=None, seed=job.seed, config=job.config)
 
 
 def _keep(record: EpisodeRecord, path: Path) -> None:

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from contract import check_policy, situations
 
 from sonar_explore.agents import Decision, Score, known_agents, make_agent
+from sonar_explore.agents.contract import check_policy, situations
 from sonar_explore.agents.frontier import FrontierPolicy, FrontierWeights
 from sonar_explore.agents.nearest import NearestPolicy
 from sonar_explore.agents.random import RandomPolicy

@@ -154,6 +154,34 @@ def test_pictures_show_something_and_text_shows_the_robot(name):
 
 
 @both
+def test_a_generator_is_a_new_building_at_each_reset_and_a_numbered_one_stays(name):
+    def met(world: str, seeds: list[int | None]) -> list[str]:
+        env = gym.make(name, world=world)
+        observations = [env.reset(seed=seed) for seed in seeds]
+        assert all(env.observation_space.contains(observation) for observation, _ in observations)
+        return [info["truth"]["world"] for _, info in observations]
+
+    drawn = met("generated/hall?difficulty=0.2", [7, None, None, 7])
+    assert len(set(drawn)) == 3 and drawn[3] == drawn[0]
+    assert set(met("generated/hall-3", [7, None])) == {"generated/hall-3"}
+
+
+@both
+def test_a_drawn_building_comes_back_by_its_name_and_is_scored_as_itself(name):
+    drawn = gym.make(name, world="generated/home?difficulty=0.1").unwrapped
+    _, info = drawn.reset(seed=3)
+    again = gym.make(name, world=info["truth"]["world"]).unwrapped
+    np.testing.assert_array_equal(again.world.walls, drawn.world.walls)
+    assert again.scorer.reachable_area_m2 == drawn.scorer.reachable_area_m2
+    assert drawn.simulator.world is drawn.world is drawn.scorer.world
+
+
+@both
+def test_the_checker_finds_nothing_where_worlds_are_drawn(name):
+    check_env(gym.make(f"sonar_explore:{name}", world="generated/hall?difficulty=0").unwrapped)
+
+
+@both
 def test_an_unknown_world_is_an_error_that_names_the_known_ones(name):
     with pytest.raises(SonarExploreError, match="paper/corridor"):
         gym.make(name, world="paper/moon")
@@ -279,6 +307,14 @@ def test_the_scan_limit_truncates_and_says_so():
     assert len(steps) == 3
     assert steps[-1][2:4] == (False, True)
     assert steps[-1][4]["end_reason"] == "scan_limit"
+
+
+def test_the_number_of_scans_can_be_given_without_a_configuration():
+    env = gym.make("sonar_explore/Exploration-v0", world="paper/corridor", max_scans=2)
+    assert trajectory(env, 0, 10)[-1][4]["end_reason"] == "scan_limit"
+    assert env.unwrapped.config.max_scans == 2
+    with pytest.raises(SonarExploreError, match="at least 1"):
+        ExplorationEnv("paper/corridor", max_scans=0)
 
 
 def test_the_mask_is_told_three_times_the_same():

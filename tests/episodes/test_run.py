@@ -112,6 +112,21 @@ def test_the_environment_decides_alike_whoever_drives_it(record):
     assert info["end_reason"] == record.summary.end_reason
 
 
+def test_without_a_preset_the_noise_is_the_configuration_s_own():
+    worn = run_episode("paper/corridor", slam="off", noise=None, config=SHORT.with_noise("worn"))
+    named = run_episode("paper/corridor", slam="off", noise="worn", config=SHORT)
+    assert worn.summary.noise == "worn"
+    assert worn.steps == named.steps
+
+
+def test_the_seed_draws_the_world_of_a_generator():
+    drawn = [run_episode("generated/hall", seed=s, config=replace(SHORT, max_scans=1)) for s in (0, 1, 0)]
+    names = [record.summary.world for record in drawn]
+    assert names[0] == names[2] != names[1]
+    again = run_episode(names[1], config=replace(SHORT, max_scans=1))
+    assert again.world.walls == drawn[1].world.walls
+
+
 class Constant:
     """Chooses the same number, whatever is offered."""
 

@@ -5,13 +5,13 @@ import pytest
 from outcomes import GOOD, outcome
 
 from sonar_explore.config import ExplorationConfig
-from sonar_explore.envs.odometry import NOISE_PRESETS
 from sonar_explore.episodes.record import Stats
 from sonar_explore.studies.episode import run_job
 from sonar_explore.studies.jobs import Job
 from sonar_explore.studies.options import option
 from sonar_explore.studies.results import Study, study_of
 from sonar_explore.studies.sensitivity import points_of, sentence
+from sonar_explore.studies.store import load_record_packed, record_path
 from sonar_explore.studies.sweeps import DEFAULT, SWEEPS, sweep_variants
 
 ANGLE = next(s for s in SWEEPS if s.option == "slam.association.angle_max_rad")
@@ -75,6 +75,7 @@ def test_yes_and_no_are_values_too():
 def test_wheels_that_a_sweep_changes_reach_the_simulator(tmp_path):
     wheels = next(s for s in SWEEPS if s.slug == "noise-base_ratio").variant(2)
     job = Job("paper/corridor", wheels, 0, "paper", ExplorationConfig(max_scans=2))
-    found = run_job(job, tmp_path, keep_record=False, fingerprint=job.fingerprint)
-    assert found.summary and found.summary.noise == "paper, noise-base_ratio-2"
-    assert NOISE_PRESETS.pop(found.summary.noise).base_ratio == pytest.approx(1.02)
+    found = run_job(job, tmp_path, keep_record=True, fingerprint=job.fingerprint)
+    assert found.summary and found.summary.noise == "custom"
+    record = load_record_packed(record_path(tmp_path / job.path))
+    assert record.config["simulator"]["noise"]["base_ratio"] == pytest.approx(1.02)

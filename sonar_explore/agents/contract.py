@@ -1,7 +1,9 @@
 """What every exploration policy promises, as one function for the tests of its author.
 
-def test_my_policy_keeps_the_contract():
-    check_policy(MyPolicy)
+    from sonar_explore.agents.contract import check_policy
+
+    def test_my_policy_keeps_the_contract():
+        check_policy(MyPolicy)
 """
 
 from __future__ import annotations
@@ -31,15 +33,21 @@ def situations(world: str = "paper/corridor", seed: int = 0, most: int = 6) -> t
 
 
 def check_policy(make: Callable[[], ExplorationPolicy]) -> None:
-    """Fail with a sentence where a policy breaks its contract."""
+    """Try a policy on real situations.
+
+    Args:
+        make: makes a new one, as the command line does; a class that needs no arguments.
+
+    Raises:
+        AssertionError: with a sentence that says what it breaks.
+    """
     for seed in (0, 1):
         first = _decisions(make(), seed, situations())
-        assert _decisions(make(), seed, situations()) == first, "the seed must fix every decision"
+        _check(_decisions(make(), seed, situations()) == first, "the seed must fix every decision")
     reused = make()
     _decisions(reused, 1, situations())
-    assert _decisions(reused, 0, situations()) == _decisions(make(), 0, situations()), (
-        "after reset(seed) a used policy must decide like a new one"
-    )
+    same = _decisions(reused, 0, situations()) == _decisions(make(), 0, situations())
+    _check(same, "after reset(seed) a used policy must decide like a new one")
 
 
 def _decisions(policy: ExplorationPolicy, seed: int, met: tuple[Situation, ...]) -> list[Decision]:
@@ -52,12 +60,17 @@ def _decision(policy: ExplorationPolicy, situation: Situation) -> Decision:
     shown = copy.deepcopy(situation)
     decision = policy.choose(shown)
     count = len(situation.candidates)
-    assert isinstance(decision, Decision), "choose must return a Decision"
-    assert 0 <= decision.chosen < count, f"chose {decision.chosen} of {count} candidates"
-    assert len(decision.scores) == count, f"{len(decision.scores)} scores for {count} candidates"
-    assert np.isfinite([score.total for score in decision.scores]).all(), "scores must be finite"
-    assert _same(shown, situation), "choose must not change the situation"
+    _check(isinstance(decision, Decision), "choose must return a Decision")
+    _check(0 <= decision.chosen < count, f"chose {decision.chosen} of {count} candidates")
+    _check(len(decision.scores) == count, f"{len(decision.scores)} scores for {count} candidates")
+    _check(bool(np.isfinite([s.total for s in decision.scores]).all()), "scores must be finite")
+    _check(_same(shown, situation), "choose must not change the situation")
     return decision
+
+
+def _check(kept: bool, otherwise: str) -> None:
+    if not kept:
+        raise AssertionError(otherwise)  # not `assert`: that one is silent under python -O
 
 
 def _same(a: Situation, b: Situation) -> bool:
