@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from sonar_explore.errors import SonarExploreError
 from sonar_explore.studies.commands import STUDY_COMMANDS
 
 if TYPE_CHECKING:
+    from sonar_explore.config import ExplorationConfig
     from sonar_explore.episodes.record import EpisodeRecord, StepRecord
 
 EXIT_BAD_INPUT = 2
@@ -112,6 +114,13 @@ def commands(ctx: click.Context) -> None:
 @click.option("--out", type=click.Path(path_type=Path), help="Folder for episode.json and report.html.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as one JSON object, nothing else.")
 @click.option("--max-scans", type=click.IntRange(1), help="End after this many scans.")
+@click.option(
+    "--scan",
+    type=click.Choice(("turn", "ring")),
+    default="turn",
+    show_default=True,
+    help="A full turn with one sonar, or a short one with all.",
+)
 def run(
     world: str,
     agent: str,
@@ -121,13 +130,15 @@ def run(
     out: Path | None,
     as_json: bool,
     max_scans: int | None,
+    scan: str,
 ) -> None:
     """Explore WORLD, a name or a world file, and report on it."""
     from sonar_explore.episodes.files import save_record, writable_folder
 
-    folder = out or default_folder(world, agent, slam, noise, seed)
+    folder = out or default_folder(world, agent, slam, noise, seed, scan)
     with writable_folder(folder):
-        record = _explore(world, agent, slam, noise, seed, max_scans, quiet=as_json)
+        config = _config(max_scans, scan)
+        record = _explore(world, agent, slam, noise, seed, config, quiet=as_json)
         save_record(record, folder / "episode.json")
         report_file = folder / "report.html"
         _report(record, report_file)
@@ -217,28 +228,30 @@ for _command in STUDY_COMMANDS:
     commands.add_command(_command)
 
 
-def default_folder(world: str, agent: str, slam: str, noise: str, seed: int) -> Path:
-    """`runs/<world>-<agent>-<slam>-<noise>-<seed>`, one folder deep whatever the world is called."""
-    name = "-".join((world, agent, slam, noise, str(seed)))
+def default_folder(world: str, agent: str, slam: str, noise: str, seed: int, scan: str = "turn") -> Path:
+    """`runs/<world>-<agent>-<slam>-<noise>[-ring]-<seed>`, one folder deep whatever the world is called."""
+    parts = (world, agent, slam, noise, *(() if scan == "turn" else (scan,)), str(seed))
+    name = "-".join(parts)
     return Path("runs") / "".join("-" if c in NOT_IN_A_NAME else c for c in name.strip("/."))
 
 
 def _explore(
-    world: str, agent: str, slam: str, noise: str, seed: int, max_scans: int | None, *, quiet: bool
+    world: str, agent: str, slam: str, noise: str, seed: int, config: ExplorationConfig | None, *, quiet: bool
 ) -> EpisodeRecord:
     from sonar_explore.episodes.run import run_episode
 
     with _progress(quiet) as on_step:
-        return run_episode(world, agent, slam, noise, seed, config=_config(max_scans), on_step=on_step)
+        return run_episode(world, agent, slam, noise, seed, config=config, on_step=on_step)
 
 
-def _config(max_scans: int | None) -> Any:
+def _config(max_scans: int | None, scan: str) -> ExplorationConfig | None:
     """The runner's configuration, None for its defaults."""
-    if max_scans is None:
+    if max_scans is None and scan == "turn":
         return None
     from sonar_explore.config import ExplorationConfig
 
-    return ExplorationConfig(max_scans=max_scans)
+    config = ExplorationConfig(scan=scan)
+    return config if max_scans is None else replace(config, max_scans=max_scans)
 
 
 def _report(record: EpisodeRecord, page: Path) -> None:

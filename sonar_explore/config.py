@@ -6,11 +6,14 @@ from dataclasses import dataclass, field, replace
 
 from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.envs.simulator import SimulatorConfig
+from sonar_explore.errors import unknown_name
 from sonar_explore.mapping.occupancy import MappingConfig
 from sonar_explore.planning.candidates import CandidateConfig
 from sonar_explore.planning.driving import DrivingConfig
 from sonar_explore.planning.paths import PlanningConfig
 from sonar_explore.slam import SlamConfig
+
+SCANS = ("turn", "ring")
 
 
 @dataclass(frozen=True)
@@ -23,10 +26,16 @@ class ExplorationConfig:
     planning: PlanningConfig = field(default_factory=PlanningConfig)
     candidates: CandidateConfig = field(default_factory=CandidateConfig)
     driving: DrivingConfig = field(default_factory=DrivingConfig)
+    scan: str = "turn"
+    """`turn`, the paper's: a full turn with one sonar kept; or `ring`: a short turn with all of them."""
     alternate_spin: bool = True
     """Scans turn left and right in turn: always the same way, a wrong wheel base adds up scan by scan."""
     max_scans: int = 400
     """An episode that has not ended by itself ends here."""
+
+    def __post_init__(self) -> None:
+        if self.scan not in SCANS:
+            raise unknown_name("scan", self.scan, SCANS)
 
     def with_noise(self, preset: str) -> ExplorationConfig:
         """The same with the odometry errors of a preset."""

@@ -102,7 +102,8 @@ class Explorer:
         direction = -1 if self._config.alternate_spin and len(self._looks) % 2 else 1
         if self._known_pose is not None:
             self._slam.place(self._known_pose())
-        return self.observe(self._robot.scan(direction))
+        scan = self._robot.ring_scan if self._config.scan == "ring" else self._robot.scan
+        return self.observe(scan(direction))
 
     def observe(self, scan: Scan) -> ScanUpdate:
         """Take a scan from the robot or from a log: correct the pose, draw the map."""

@@ -3,25 +3,53 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
 
 from sonar_explore.geometry import Array, Pose
 
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """A full turn on the spot with one sonar kept: 90 readings, 4 degrees apart (section IV).
+    """Ranges all round from one place: a full turn with one sonar kept (section IV), or a ring scan.
 
     The headings are what the odometry says. The robot turns by the same wrong odometry, so the
     true headings differ a little more with every reading: the scan is smeared.
+
+    In a ring scan (beyond the paper) all sonars listen during a short turn, and each reading has its own disc.
     """
 
     pose_robot_in_odometry: Pose
     """Odometry when the turn began. Readings are placed in this robot frame."""
     headings_rad: Array
-    """Heading of the robot at each ping, relative to the start of the turn, shape (n,), [rad], monotonic."""
+    """Heading of the robot at each ping, relative to the start of the turn, shape (n,), [rad]. With one sonar monotonic;
+    in a ring scan the readings are in the order of their bearings."""
     ranges_m: Array
     """Distance from the sonar disc to the first echo, shape (n,), [m]; `range_max_m` where nothing was heard."""
     pose_sonar_in_robot: Pose
     """Where the disc that was kept sits on the body."""
     range_max_m: float
     """Reported where nothing was heard, [m]."""
+    ring: Array | None = None
+    """Of a ring scan: where the disc of each reading sits on the body, x y [m], heading [rad], shape (n, 3)."""
+
+    @cached_property
+    def discs(self) -> Array:
+        """Where the disc of each reading sits on the body, x y [m], heading [rad], shape (n, 3)."""
+        if self.ring is not None:
+            return self.ring
+        disc = self.pose_sonar_in_robot
+        return np.tile([disc.x, disc.y, disc.heading], (len(self.headings_rad), 1))
+
+    @cached_property
+    def bearings_rad(self) -> Array:
+        """Direction of the beam of each reading in the robot frame, shape (n,), [rad]."""
+        return np.asarray(self.headings_rad, dtype=float) + self.discs[:, 2]
+
+    @cached_property
+    def origins(self) -> Array:
+        """x y of the disc when it heard each reading, in the robot frame, shape (n, 2), [m]."""
+        c, s = np.cos(self.headings_rad), np.sin(self.headings_rad)
+        x, y, _ = self.discs.T
+        return np.column_stack([c * x - s * y, s * x + c * y])

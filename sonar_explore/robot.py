@@ -33,3 +33,7 @@ class Robot(Protocol):
     def scan(self, direction: int) -> Scan:
         """Turn once on the spot, +1 counter-clockwise or -1 clockwise, keeping one sonar (section IV)."""
         ...
+
+    def ring_scan(self, direction: int) -> Scan:
+        """Turn by the ring's widest gap, +1 counter-clockwise or -1 clockwise, all sonars listening in turn."""
+        ...

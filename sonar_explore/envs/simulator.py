@@ -16,6 +16,7 @@ from sonar_explore.envs.scene import Scene
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
+from sonar_explore.ring import RingPlan
 
 SCAN_STEP_RAD = math.radians(4.0)  # section IV: 90 readings a turn
 
@@ -95,6 +96,28 @@ class Simulator:
             range_max_m=robot.range_max_m,
         )
 
+    def ring_scan(self, direction: int) -> Scan:
+        """Turn by the ring's widest gap while its discs fire one after the other (`sonar_explore.ring`)."""
+        robot, began = self.config.robot, self.pose_robot_in_odometry
+        plan = RingPlan.of(robot, self.config.scan_step_rad, direction)
+        turns = self._wheels.true_turns(plan.step_rad, plan.steps)
+        true_headings = running_sum(self.true_pose.heading, turns)
+        ranges = self._measure_ring(self.true_pose, true_headings[plan.at_step], plan.mounts)
+        self.true_pose = replace(self.true_pose, heading=float(true_headings[-1]))
+        counted = running_sum(began.heading, np.full(plan.steps, plan.step_rad))
+        self.pose_robot_in_odometry = replace(began, heading=float(counted[-1]))
+        self.bumper = False
+        self.time_s += plan.steps * abs(plan.step_rad) / robot.turn_rate_max_rad_s
+        self.time_s += len(plan.disc) * robot.ping_interval_s
+        return Scan(
+            pose_robot_in_odometry=began,
+            headings_rad=plan.headings_rad,
+            ranges_m=ranges,
+            pose_sonar_in_robot=robot.sonars[robot.scan_sonar],
+            range_max_m=robot.range_max_m,
+            ring=plan.mounts,
+        )
+
     def _fire(self, disc: int) -> float:
         here, mount, sonar = self.true_pose, self.config.robot.sonars[disc], self.config.sonar
         c, s = math.cos(here.heading), math.sin(here.heading)
@@ -112,6 +135,14 @@ class Simulator:
         discs = np.empty((len(true_headings), 3))
         turned_discs(true_pose.x, true_pose.y, true_headings, mount.x, mount.y, mount.heading, discs)
         ranges, _ = echoes(self._scene, discs, self.config.sonar)
+        return measured(ranges, self._range_scale, self.config.sonar, self._rng)
+
+    def _measure_ring(self, true_pose: Pose, true_headings: Array, mounts: Array) -> Array:
+        """Fire discs mounted like this at these headings, one each."""
+        c, s = np.cos(true_headings), np.sin(true_headings)
+        x, y, heading = mounts.T
+        places = (true_pose.x + c * x - s * y, true_pose.y + s * x + c * y, true_headings + heading)
+        ranges, _ = echoes(self._scene, np.column_stack(places), self.config.sonar)
         return measured(ranges, self._range_scale, self.config.sonar, self._rng)
 
     def _move(self, forward_m: float, turn_rad: float) -> None:

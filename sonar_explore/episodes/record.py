@@ -97,6 +97,8 @@ class StepRecord(msgspec.Struct, frozen=True):
     true_trail: list[Pose3]
     scan_headings_rad: list[float]
     scan_ranges_m: list[float]
+    scan_ring: list[Pose3]
+    """Of a ring scan: where the disc of each reading sits on the body; empty where one disc heard all."""
     odometry: Pose3
     """When the scan began, in the odometry frame: with the scan, all that a replay needs."""
     features: list[FeatureRecord]

@@ -167,6 +167,7 @@ class _Log:
             true_trail=[_pose(p) for p in now.true_trail],
             scan_headings_rad=[_round(h) for h in scan.headings_rad],
             scan_ranges_m=[_round(r) for r in scan.ranges_m],
+            scan_ring=[] if scan.ring is None else [_pose(Pose(*disc)) for disc in scan.ring],
             odometry=_pose(scan.pose_robot_in_odometry),
             features=[_feature_record(f, update.pose) for f in update.features],
             associations=[_association_record(a) for a in update.associations],

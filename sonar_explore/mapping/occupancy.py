@@ -111,8 +111,7 @@ class Look:
 
 def look_of(scan: Scan, features: Sequence[Feature], config: MappingConfig) -> Look:
     """Turn a scan and its features into evidence."""
-    bearings = scan.headings_rad + scan.pose_sonar_in_robot.heading
-    ranges = compensated_ranges(scan)
+    bearings, ranges = _from_centre(scan, config.free_range_m)
     bins = (np.arange(BINS) + 0.5) * (2.0 * math.pi / BINS)
     order = np.argsort(bearings % (2.0 * math.pi))
     sorted_bearings = (bearings % (2.0 * math.pi))[order]
@@ -136,6 +135,20 @@ def look_of(scan: Scan, features: Sequence[Feature], config: MappingConfig) -> L
             [f.segment.midpoint for f in features if f.kind is not FeatureKind.WALL], dtype=float
         ).reshape(-1, 2),
     )
+
+
+def _from_centre(scan: Scan, reach_m: float) -> tuple[Array, Array]:
+    """Bearing [rad] and range [m] of each reading as if heard from the robot's centre, shape (n,) each.
+
+    The disc of the paper's scan sits a centimetre off its beam's line through the centre; those of a ring up to eight:
+    there it is the end of the reading, or the point `reach_m` along it, that is seen from the centre.
+    """
+    if scan.ring is None:
+        return scan.bearings_rad, compensated_ranges(scan)
+    length = np.minimum(scan.ranges_m, reach_m)
+    beams = np.column_stack([np.cos(scan.bearings_rad), np.sin(scan.bearings_rad)])
+    x, y = (scan.origins + length[:, None] * beams).T
+    return np.arctan2(y, x), np.hypot(x, y)
 
 
 def _continuation(f: Feature, config: MappingConfig) -> tuple[float, float, float, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import repeat
 from typing import Any
 
 from sonar_explore.amigobot import AmigoBot
@@ -137,9 +138,9 @@ def _pose(pose: Pose3, frame: Frame) -> list[float]:
 def _fan(step: StepRecord, frame: Frame) -> list[list[float]]:
     """[x, y, heard] of every reading's end, placed by the believed pose."""
     robot = AmigoBot()
-    disc = robot.sonars[robot.scan_sonar]
+    ring = [Pose(*disc) for disc in step.scan_ring] or repeat(robot.sonars[robot.scan_sonar])
     ends = []
-    for heading, distance in zip(step.scan_headings_rad, step.scan_ranges_m, strict=False):
+    for heading, distance, disc in zip(step.scan_headings_rad, step.scan_ranges_m, ring, strict=False):
         echo = Pose(*step.pose) @ Pose(0.0, 0.0, heading) @ disc @ Pose(distance, 0.0, 0.0)
         ends.append([frame.x(echo.x), frame.y(echo.y), int(distance < robot.range_max_m - 1e-6)])
     return ends

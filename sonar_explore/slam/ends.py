@@ -33,7 +33,7 @@ class Ends:
     def of(region: Rcd, scan: Scan, jump_m: float) -> Ends:
         """Look at the readings just outside."""
         before, after = neighbours(region.readings, len(scan.ranges_m))
-        step = float(np.median(np.abs(np.diff(scan.headings_rad))))
+        step = float(np.median(np.abs(np.diff(scan.bearings_rad))))
         nearer = region.echo_m - jump_m
         return Ends(scan.ranges_m[before] < nearer, scan.ranges_m[after] < nearer, step)
 

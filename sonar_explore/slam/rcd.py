@@ -63,10 +63,10 @@ class _Sweep:
     """From the disc, shape (2 n,), [m]."""
     joined: NDArray[np.bool_]
     """Whether each reading and the next both heard something, one step apart, shape (2 n - 1,)."""
-    lever_m: float
-    """Distance of the disc from the robot's centre, [m]."""
-    lever_rad: float
-    """Direction of that lever, relative to the beam, [rad]."""
+    lever_m: Array
+    """Distance of each reading's disc from the robot's centre, shape (2 n,), [m]."""
+    lever_rad: Array
+    """Direction of that lever, relative to the beam, shape (2 n,), [rad]."""
 
 
 def check_scan(scan: Scan) -> None:
@@ -81,7 +81,7 @@ def check_scan(scan: Scan) -> None:
         raise SonarExploreError(
             "a scan's ranges must be finite and not negative; report range_max_m for no echo"
         )
-    steps = np.diff(headings)
+    steps = np.diff(scan.bearings_rad)
     if not np.isfinite(headings).all() or not ((steps > 0.0).all() or (steps < 0.0).all()):
         raise SonarExploreError("a scan's headings must be finite and run one way round")
     odometry = scan.pose_robot_in_odometry
@@ -92,10 +92,10 @@ def check_scan(scan: Scan) -> None:
 def compensated_ranges(scan: Scan) -> Array:
     """Each reading as a range from the robot's centre along its bearing, shape (n,), [m].
 
-    The disc turns with the robot, so its lever along the beam is the same for every reading.
+    A disc turns with the robot, so its lever along the beam is the same for all its readings.
     """
-    mount = scan.pose_sonar_in_robot
-    along_beam = mount.x * math.cos(mount.heading) + mount.y * math.sin(mount.heading)
+    x, y, heading = scan.discs.T
+    along_beam = x * np.cos(heading) + y * np.sin(heading)
     return np.asarray(scan.ranges_m, dtype=float) + along_beam
 
 
@@ -122,11 +122,11 @@ def regions_of_constant_depth(scan: Scan, tolerance_m: float) -> tuple[Rcd, ...]
 
 
 def _sweep(scan: Scan) -> _Sweep:
-    mount = scan.pose_sonar_in_robot
     order = np.arange(len(scan.headings_rad))
-    if scan.headings_rad[-1] < scan.headings_rad[0]:
+    if scan.bearings_rad[-1] < scan.bearings_rad[0]:
         order = order[::-1]
-    once = np.asarray(scan.headings_rad, dtype=float)[order] + mount.heading
+    once = scan.bearings_rad[order]
+    x, y, heading = np.tile(scan.discs[order].T, 2)
     bearings = np.concatenate([once, once + math.tau])
     ranges = np.tile(np.asarray(scan.ranges_m, dtype=float)[order], 2)
     steps, heard = np.diff(bearings), ranges < scan.range_max_m
@@ -136,8 +136,8 @@ def _sweep(scan: Scan) -> _Sweep:
         bearings=bearings,
         ranges=ranges,
         joined=close & heard[:-1] & heard[1:],
-        lever_m=math.hypot(mount.x, mount.y),
-        lever_rad=math.atan2(mount.y, mount.x) - mount.heading,
+        lever_m=np.hypot(x, y),
+        lever_rad=np.arctan2(y, x) - heading,
     )
 
 
@@ -150,7 +150,7 @@ def _depths(sweep: _Sweep, starts: NDArray[np.intp], length: int) -> Array:
     run = starts[:, None] + np.arange(length)
     bearings = sweep.bearings[run]
     normals = 0.5 * (bearings[:, :1] + bearings[:, -1:])
-    return sweep.ranges[run] + sweep.lever_m * np.cos(bearings + sweep.lever_rad - normals)
+    return sweep.ranges[run] + sweep.lever_m[run] * np.cos(bearings + sweep.lever_rad[run] - normals)
 
 
 def _runs_longest_first(sweep: _Sweep, tolerance_m: float) -> list[tuple[int, int]]:
@@ -179,7 +179,8 @@ def _region(sweep: _Sweep, start: int, length: int) -> Rcd:
     run = slice(start, start + length)
     turns = math.tau * round((0.5 * (sweep.bearings[run][0] + sweep.bearings[run][-1])) / math.tau)
     first, last = sweep.bearings[start] - turns, sweep.bearings[start + length - 1] - turns
-    lever = sweep.lever_m * np.cos(sweep.bearings[run] - turns + sweep.lever_rad - 0.5 * (first + last))
+    off_normal = sweep.bearings[run] - turns + sweep.lever_rad[run] - 0.5 * (first + last)
+    lever = sweep.lever_m[run] * np.cos(off_normal)
     return Rcd(
         readings=tuple(sweep.order[run].tolist()),
         first_rad=float(first),

@@ -210,6 +210,7 @@ def synthetic_record(name: str = "synthetic/two-rooms") -> EpisodeRecord:
                 trail=_trail(previous, predicted) if index else [],
                 true_trail=_trail(true_previous, true) if index else [],
                 scan_headings_rad=headings,
+                scan_ring=[],
                 scan_ranges_m=_ranges(headings, true, _feet(x, y), rng),
                 odometry=predicted,
                 features=features,
