@@ -23,8 +23,8 @@ class Scan:
     pose_robot_in_odometry: Pose
     """Odometry when the turn began. Readings are placed in this robot frame."""
     headings_rad: Array
-    """Heading of the robot at each ping, relative to the start of the turn, shape (n,), [rad]. With one sonar monotonic;
-    in a ring scan the readings are in the order of their bearings."""
+    """Heading of the robot at each ping, relative to the start of the turn, shape (n,), [rad]; monotonic with one
+    sonar. In a ring scan the readings are in the order of their bearings."""
     ranges_m: Array
     """Distance from the sonar disc to the first echo, shape (n,), [m]; `range_max_m` where nothing was heard."""
     pose_sonar_in_robot: Pose

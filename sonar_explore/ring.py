@@ -1,7 +1,7 @@
 """Ring scan (beyond the paper): all sonars listen while the robot turns by the widest gap between two of them.
 
 The AmigoBot's ring has its widest gap, 70 degrees, at the back: a turn of 70 degrees, 35 to either side of its
-middle, hears every bearing once. That is a fifth of the paper's turn, and a fifth of what a wrong wheel base does to it.
+middle, hears every bearing. That is a fifth of the paper's turn, and a fifth of what a wrong wheel base does to it.
 One disc fires at a time, so a bearing that two discs could hear is left to the one whose arc has it nearer its middle.
 """
 

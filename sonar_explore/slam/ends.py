@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sonar_explore.beam import plane_half_angle_rad
+from sonar_explore.beam import Beam
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.rcd import Rcd
 
@@ -28,33 +28,44 @@ class Ends:
     last_hidden: bool
     step_rad: float
     """Between two readings, [rad]."""
+    room_rad: float
+    """From the reading before to the first, and from the last to the reading after, together, [rad]."""
+    beam: Beam = field(default_factory=Beam)
+    """What the sonar hears how widely."""
 
     @staticmethod
-    def of(region: Rcd, scan: Scan, jump_m: float) -> Ends:
+    def of(region: Rcd, scan: Scan, jump_m: float, beam: Beam | None = None) -> Ends:
         """Look at the readings just outside."""
         before, after = neighbours(region.readings, len(scan.ranges_m))
-        step = float(np.median(np.abs(np.diff(scan.bearings_rad))))
+        bearings = scan.bearings_rad
+        step = float(np.median(np.abs(np.diff(bearings))))
+        first, last = bearings[[region.readings[0], region.readings[-1]]]
+        room = (first - bearings[before]) % math.tau + (bearings[after] - last) % math.tau
         nearer = region.echo_m - jump_m
-        return Ends(scan.ranges_m[before] < nearer, scan.ranges_m[after] < nearer, step)
+        hidden = scan.ranges_m[[before, after]] < nearer
+        return Ends(bool(hidden[0]), bool(hidden[1]), step, float(room), beam or Beam())
 
     def like_a_plane(self, region: Rcd) -> bool:
-        """Whether its width is what a plane's would be: n or n + 1 readings fit into the pattern's width."""
-        full = 2.0 * plane_half_angle_rad(max(region.echo_m, 0.05))
+        """Whether its width is what a plane's would be: the readings fit into the pattern's width, and no more do."""
+        full = self._plane_width_rad(region)
         if region.width_rad > full + _SLACK_RAD:
             return False
         if self.first_hidden or self.last_hidden:
             return region.width_rad >= 0.5 * full - self.step_rad
-        return region.width_rad > full - 2.0 * self.step_rad - _SLACK_RAD
+        return region.width_rad > full - self.room_rad - _SLACK_RAD
 
     def centred(self, region: Rcd) -> Rcd:
         """The region with a hidden end put where the pattern says it would be, from the other end."""
         if self.first_hidden == self.last_hidden:
             return region
         # the true end lies up to a step beyond the last reading: half a step on average, at both ends
-        width = 2.0 * plane_half_angle_rad(max(region.echo_m, 0.05)) - self.step_rad
+        width = self._plane_width_rad(region) - self.step_rad
         if self.first_hidden:
             return replace(region, first_rad=region.last_rad - width)
         return replace(region, last_rad=region.first_rad + width)
+
+    def _plane_width_rad(self, region: Rcd) -> float:
+        return 2.0 * self.beam.plane_half_angle_rad(max(region.echo_m, 0.05))
 
 
 def neighbours(readings: Sequence[int], n: int) -> tuple[int, int]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
+from sonar_explore.beam import Beam
 from sonar_explore.geometry import Segment, wrap_angle
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.ends import Ends, neighbours
@@ -73,6 +74,8 @@ class FeatureConfig:
     beam_check: bool = False
     """Beyond the paper: a wall is heard as widely as the beam pattern says a plane is at its distance, less what
     something nearer hides; the rest are edges and columns, or two things that touch."""
+    beam: Beam = field(default_factory=Beam)
+    """The pattern that these two options go by."""
     beam_bearing: bool = False
     """Beyond the paper: where something nearer hides one end of an RCD, the normal is found from the other end."""
     corner_on_wall: bool = False
@@ -93,7 +96,7 @@ def extract_features(scan: Scan, config: FeatureConfig) -> tuple[Feature, ...]:
     regions = tuple(r for r in regions if config.range_min_m <= r.echo_m <= config.range_max_m)
     wide = [r for r in regions if r.width_rad >= config.width_min_rad - ANGLE_SLACK_RAD]
     plateaus = [r for r in wide if _is_plateau(r, wide, scan, config)]
-    heard = {r: Ends.of(r, scan, config.jump_m) for r in plateaus}
+    heard = {r: Ends.of(r, scan, config.jump_m, config.beam) for r in plateaus}
     if config.beam_check:
         plateaus = [r for r in plateaus if heard[r].like_a_plane(r)]
     if config.beam_bearing:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sonar_explore.beam import edge_half_angle_rad
+from sonar_explore.beam import Beam
 from sonar_explore.envs import acoustics
 from sonar_explore.envs.acoustics import SonarPhysics, echoes
 from sonar_explore.envs.scene import Scene
@@ -50,7 +50,7 @@ def test_a_plane_is_heard_within_the_half_angle_of_its_distance(distance_m, half
 def test_an_edge_is_heard_within_the_half_angle_of_its_distance(distance_m, half_angle_deg):
     scene = scene_of([(distance_m, 0.0, distance_m + 2.0, 0.0)])
     assert widest_heard_deg(scene, 0.0, 0.0, 0.0, acoustics.EDGE) == pytest.approx(half_angle_deg, abs=0.06)
-    assert math.degrees(edge_half_angle_rad(distance_m)) == pytest.approx(half_angle_deg, abs=0.06)
+    assert math.degrees(Beam().edge_half_angle_rad(distance_m)) == pytest.approx(half_angle_deg, abs=0.06)
 
 
 def test_a_wall_answers_with_its_perpendicular_distance_whatever_the_heading():

@@ -8,13 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sonar_explore.beam import edge_half_angle_rad, plane_half_angle_rad
+from sonar_explore.beam import Beam
 from sonar_explore.geometry import Pose, wrap_angle
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.ends import Ends, neighbours
 from sonar_explore.slam.rcd import regions_of_constant_depth
 
 JUMP_M = 0.10
+BEAM = Beam()
 STEP_RAD = math.radians(4.0)
 bearings, ranges = st.floats(-3.0, 3.0), st.floats(0.4, 2.0)
 
@@ -35,7 +36,7 @@ def heard(bearing, range_m, half_rad, hidden_rad=0.0, side=1, spin=1):
 @settings(deadline=None)
 @given(bearings, ranges, st.sampled_from([-1, 1]))
 def test_a_plane_in_the_open_is_as_wide_as_a_plane_and_stays_where_it_is(bearing, range_m, spin):
-    region, ends = heard(bearing, range_m, plane_half_angle_rad(range_m), spin=spin)
+    region, ends = heard(bearing, range_m, BEAM.plane_half_angle_rad(range_m), spin=spin)
     assert not ends.first_hidden and not ends.last_hidden
     assert ends.step_rad == pytest.approx(STEP_RAD)
     assert ends.like_a_plane(region)
@@ -45,21 +46,21 @@ def test_a_plane_in_the_open_is_as_wide_as_a_plane_and_stays_where_it_is(bearing
 @settings(deadline=None)
 @given(bearings, st.floats(0.8, 1.8))
 def test_an_edge_is_too_narrow_for_a_plane(bearing, range_m):
-    region, ends = heard(bearing, range_m, edge_half_angle_rad(range_m))
+    region, ends = heard(bearing, range_m, BEAM.edge_half_angle_rad(range_m))
     assert not ends.like_a_plane(region)
 
 
 @settings(deadline=None)
 @given(bearings, ranges)
 def test_two_things_that_touch_are_too_wide_for_a_plane(bearing, range_m):
-    region, ends = heard(bearing, range_m, 1.6 * plane_half_angle_rad(range_m))
+    region, ends = heard(bearing, range_m, 1.6 * BEAM.plane_half_angle_rad(range_m))
     assert not ends.like_a_plane(region)
 
 
 @settings(deadline=None)
 @given(bearings, ranges, st.floats(0.02, 0.2), st.sampled_from([-1, 1]), st.sampled_from([-1, 1]))
 def test_a_hidden_end_is_restored_to_within_a_step(bearing, range_m, hidden_rad, side, spin):
-    region, ends = heard(bearing, range_m, plane_half_angle_rad(range_m), hidden_rad, side, spin)
+    region, ends = heard(bearing, range_m, BEAM.plane_half_angle_rad(range_m), hidden_rad, side, spin)
     if not (ends.first_hidden or ends.last_hidden):
         return  # nothing lay on the lattice where it was hidden
     assert ends.last_hidden == (side > 0) and ends.first_hidden == (side < 0)
@@ -74,7 +75,7 @@ def test_on_average_the_restored_normal_is_several_times_better():
     cut, restored = [], []
     for _ in range(200):
         bearing, range_m = rng.uniform(-3, 3), rng.uniform(0.5, 2.0)
-        region, ends = heard(bearing, range_m, plane_half_angle_rad(range_m), 0.18, rng.choice([-1, 1]))
+        region, ends = heard(bearing, range_m, BEAM.plane_half_angle_rad(range_m), 0.18, rng.choice([-1, 1]))
         cut.append(wrap_angle(region.bearing_rad - bearing))
         restored.append(wrap_angle(ends.centred(region).bearing_rad - bearing))
     assert np.abs(restored).mean() < 0.3 * np.abs(cut).mean()
@@ -82,8 +83,8 @@ def test_on_average_the_restored_normal_is_several_times_better():
 
 
 def test_hidden_at_both_ends_says_nothing_about_the_middle():
-    region, _ = heard(0.5, 1.0, plane_half_angle_rad(1.0))
-    assert Ends(True, True, STEP_RAD).centred(region) == region
+    region, _ = heard(0.5, 1.0, BEAM.plane_half_angle_rad(1.0))
+    assert Ends(True, True, STEP_RAD, 2.0 * STEP_RAD).centred(region) == region
 
 
 @given(st.integers(3, 90), st.integers(0, 89), st.integers(2, 8), st.sampled_from([-1, 1]))
