@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
-from skimage.measure import label, regionprops
 
+from sonar_explore.compiled import kernel
 from sonar_explore.mapping.grid import FREE, UNKNOWN, Mask
 from sonar_explore.mapping.occupancy import OccupancyGrid
-
-_EIGHT = np.ones((3, 3), dtype=bool)
+from sonar_explore.mapping.regions import labelled
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +40,27 @@ def find_frontiers(grid: OccupancyGrid, body_radius_m: float, min_length_m: floa
     A frontier cell is free, passable, and touches a passable unknown cell.
     """
     way = passable(grid, body_radius_m)
-    unseen = (grid.states == UNKNOWN) & way
-    edge = (grid.states == FREE) & way & ndimage.binary_dilation(unseen, _EIGHT)
-    regions = regionprops(label(edge, connectivity=2))
+    edge = np.zeros(grid.frame.shape, dtype=bool)
+    _mark_edge(grid.states, way, edge)
+    cells, regions = labelled(edge)
+    order = np.argsort(regions, kind="stable")
+    ends = np.cumsum(np.bincount(regions))
     found = [
-        Frontier(r.coords, tuple(grid.frame.centres(r.coords).mean(axis=0)))
-        for r in regions
-        if len(r.coords) * grid.frame.resolution_m >= min_length_m
+        Frontier(coords, tuple(grid.frame.centres(coords).mean(axis=0)))
+        for coords in np.split(cells[order], ends[:-1])
+        if len(coords) * grid.frame.resolution_m >= min_length_m
     ]
     return tuple(sorted(found, key=lambda f: (-len(f.cells), f.centroid)))
+
+
+@kernel
+def _mark_edge(states, way, edge):  # type: ignore[no-untyped-def]
+    rows, columns = states.shape
+    for row in range(rows):
+        for column in range(columns):
+            if states[row, column] != FREE or not way[row, column]:
+                continue
+            for r in range(max(0, row - 1), min(rows, row + 2)):
+                for c in range(max(0, column - 1), min(columns, column + 2)):
+                    if states[r, c] == UNKNOWN and way[r, c]:
+                        edge[row, column] = True

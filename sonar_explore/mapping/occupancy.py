@@ -19,12 +19,12 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from sonar_explore.geometry import Array, Pose, wrap_angle
+from sonar_explore.mapping.distance import distances
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States
-from sonar_explore.mapping.sectors import Sectors, cut_at_walls, mark_segments
+from sonar_explore.mapping.sectors import Sectors, cut_at_walls, in_reach, mark_segments
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.features import Feature, FeatureKind, compensated_ranges
 
@@ -80,7 +80,7 @@ class OccupancyGrid:
     @cached_property
     def to_walls_m(self) -> Array:
         """Distance of each cell to the nearest occupied one, shape (rows, columns), [m]."""
-        return np.asarray(ndimage.distance_transform_edt(self.states != OCCUPIED) * self.frame.resolution_m)
+        return distances(self.states == OCCUPIED) * self.frame.resolution_m
 
     @property
     def free(self) -> Mask:
@@ -107,6 +107,29 @@ class Look:
     """The same walls as taken to go on straight, shape (n, 4), [m]."""
     points: Array
     """Corners and edges x y, shape (k, 2), [m]."""
+
+    @cached_property
+    def reach_m(self) -> float:
+        """How far the clearest bin may be cleared, [m]."""
+        return float(self.clear_m.max())
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """A look in the map frame."""
+
+    pose: Pose
+    walls: Array
+    continuations: Array
+    points: Array
+
+    @classmethod
+    def at(cls, pose: Pose, look: Look) -> _Placed:
+        walls, continuations = (
+            pose.transform(segments.reshape(-1, 2)).reshape(-1, 4)
+            for segments in (look.walls, look.continuations)
+        )
+        return cls(pose, walls, continuations, pose.transform(look.points))
 
 
 def look_of(scan: Scan, features: Sequence[Feature], config: MappingConfig) -> Look:
@@ -176,6 +199,9 @@ class OccupancyMapper:
         self._reach = reach_m
         self._frame: GridFrame | None = None
         self._sectors = Sectors()
+        self._placed: list[_Placed] = []
+        self._barriers: set[tuple[float, ...]] = set()
+        self._pivots: Mask = np.zeros(0, dtype=bool)
         self.recent_points: Array = np.zeros((0, 2))
         """Corners, edges and columns that the last scans saw, x y, shape (n, 2), map frame, [m]."""
 
@@ -192,15 +218,15 @@ class OccupancyMapper:
         """
         cfg = self._config
         frame = self._covering(poses)
-        walls = _placed(poses, [look.walls for look in looks])
+        moved = self._place(poses, looks)
+        walls = np.vstack([placed.walls for placed in self._placed])
         scan = np.repeat(np.arange(len(looks)), [len(look.walls) for look in looks])
         pivots = pivot_points(walls, scan, cfg)
         feet = 0.5 * (walls[pivots, :2] + walls[pivots, 2:])
-        points = np.vstack([feet, *(p.transform(look.points) for p, look in zip(poses, looks, strict=True))])
-        recent = len(looks) - RECENT_SCANS
-        placed = zip(poses[max(0, recent) :], looks[max(0, recent) :], strict=True)
+        points = np.vstack([feet, *(placed.points for placed in self._placed)])
+        recent = max(0, len(looks) - RECENT_SCANS)
         fresh_feet = feet[scan[pivots] >= recent]
-        self.recent_points = np.vstack([fresh_feet, *(p.transform(look.points) for p, look in placed)])
+        self.recent_points = np.vstack([fresh_feet, *(placed.points for placed in self._placed[recent:])])
         walls = trimmed(walls[~pivots], points, cfg.trim_m)
         wall_evidence = np.zeros(frame.shape)
         mark_segments(frame, wall_evidence, walls, cfg.wall_weight)
@@ -213,10 +239,12 @@ class OccupancyMapper:
         gaps = bridges(np.vstack([walls, np.hstack([feet, feet])]), 2.0 * self._body)
         barriers = np.vstack([walls, gaps])
         self._sectors.resize(frame)
-        for i, (pose, look) in enumerate(zip(poses, looks, strict=True)):
-            own = _placed([pose], [look.continuations[~pivots[scan == i]]])
-            clear = cut_at_walls(pose.x, pose.y, pose.heading, look.clear_m, barriers, own, cfg.wall_margin_m)
-            self._sectors.put(i, pose, clear, look.core_m)
+        for i in self._to_cut(poses, looks, moved, scan, pivots, barriers):
+            pose, own = poses[i], self._placed[i].continuations[~pivots[scan == i]]
+            x, y, heading = pose.x, pose.y, pose.heading
+            clear = cut_at_walls(x, y, heading, looks[i].clear_m, barriers, own, cfg.wall_margin_m)
+            self._sectors.put(i, pose, clear, looks[i].core_m)
+        for i, pose in enumerate(poses):
             self._sectors.trail(i, pose, trails[i], self._body)
         cleared, core = self._sectors.cleared, self._sectors.core
         body = self._sectors.body
@@ -228,6 +256,35 @@ class OccupancyMapper:
         free = ((cleared > 0) | (core > 0) | body) & ~occupied
         states = np.where(occupied, OCCUPIED, np.where(free, FREE, 0)).astype(np.uint8)
         return OccupancyGrid(frame, states)
+
+    def _place(self, poses: Sequence[Pose], looks: Sequence[Look]) -> Mask:
+        """Place what scans say that are new or stand elsewhere now; which those are, shape (n scans,)."""
+        moved: Mask = np.zeros(len(poses), dtype=bool)
+        for i, (pose, look) in enumerate(zip(poses, looks, strict=True)):
+            if i < len(self._placed) and self._placed[i].pose == pose:
+                continue
+            self._placed[i : i + 1] = [_Placed.at(pose, look)]
+            moved[i] = True
+        return moved
+
+    def _to_cut(
+        self,
+        poses: Sequence[Pose],
+        looks: Sequence[Look],
+        moved: Mask,
+        scan: NDArray[np.int64],
+        pivots: Mask,
+        barriers: Array,
+    ) -> NDArray[np.int64]:
+        """Scans that may clear other cells than last time: they moved, or a wall of theirs or near them changed."""
+        rows = set(map(tuple, barriers.tolist()))
+        changed = np.array(sorted(rows ^ self._barriers), dtype=float).reshape(-1, 4)
+        places = np.array([(p.x, p.y) for p in poses])
+        reach = np.array([look.reach_m for look in looks]) + self._config.wall_margin_m
+        again = moved | in_reach(places, reach, changed)
+        again[scan[: len(self._pivots)][pivots[: len(self._pivots)] != self._pivots]] = True
+        self._barriers, self._pivots = rows, pivots
+        return np.flatnonzero(again)
 
     def _covering(self, poses: Sequence[Pose]) -> GridFrame:
         xy = np.array([(p.x, p.y) for p in poses])
@@ -291,12 +348,6 @@ def bridges(walls: Array, gap_m: float) -> Array:
     pairs = cKDTree(ends).query_pairs(gap_m, output_type="ndarray")
     pairs = pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]]
     return np.hstack([ends[pairs[:, 0]], ends[pairs[:, 1]]])
-
-
-def _placed(poses: Sequence[Pose], segments: Sequence[Array]) -> Array:
-    """Segments of each scan, shape (n, 4), placed in the map frame and stacked."""
-    rows = [p.transform(s.reshape(-1, 2)).reshape(-1, 4) for p, s in zip(poses, segments, strict=True)]
-    return np.vstack(rows) if rows else np.zeros((0, 4))
 
 
 def _add_cells(frame: GridFrame, evidence: Array, points: Array, weight: float) -> None:

@@ -12,6 +12,8 @@ from sonar_explore.geometry import Array, Pose
 from sonar_explore.mapping.grid import GridFrame, Mask
 
 Counts = NDArray[np.int32]
+_HAIR_M = 1e-9  # nearer than this to a limit the exact distance decides
+_RIM = 0.01  # nearer than this share of a sector of 1 degree to its rim the exact angle decides
 
 
 def cut_at_walls(
@@ -31,6 +33,11 @@ def cut_at_walls(
     return np.maximum(out, 0.0)
 
 
+def in_reach(places: Array, reach_m: Array, segments: Array) -> Mask:
+    """Which places, shape (n, 2), have one of the segments within their reach, shape (n,), [m]."""
+    return np.asarray(_in_reach(places, reach_m, segments))
+
+
 class Sectors:
     """How many scans have cleared each cell, and where the body has been.
 
@@ -39,7 +46,7 @@ class Sectors:
 
     def __init__(self) -> None:
         self._frame: GridFrame | None = None
-        self._put: list[tuple[Pose, Array, Array]] = []
+        self._put: list[tuple[Pose, Array]] = []
         self._trails: list[tuple[Pose, Array]] = []
         self.cleared: Counts = np.zeros((0, 0), dtype=np.int32)
         """By any reading, shape (rows, columns)."""
@@ -62,16 +69,16 @@ class Sectors:
 
     def put(self, index: int, pose: Pose, clear_m: Array, core_m: Array) -> None:
         """What a scan clears by direction, shape (n,) both, [m]; replaces what it cleared before."""
+        clear = np.stack([clear_m, core_m])
+        nothing = np.full_like(clear, -1.0)
         if index == len(self._put):
-            self._put.append((pose, clear_m, core_m))
-            self._mark(self._put[index], 1)
-            return
-        before = self._put[index]
-        if before[0] == pose and np.array_equal(before[1], clear_m):
-            return
-        self._mark(before, -1)
-        self._put[index] = (pose, clear_m, core_m)
-        self._mark(self._put[index], 1)
+            self._put.append((pose, nothing))
+        place, before = self._put[index]
+        if place != pose:
+            self._mark(place, before, nothing)
+            before = nothing
+        self._mark(pose, before, clear)
+        self._put[index] = (pose, clear)
 
     def trail(self, index: int, pose: Pose, points: Array, radius_m: float) -> None:
         """Where the body has been since a scan, shape (n, 2), in that scan's frame, [m]; `points` only ever grow."""
@@ -91,19 +98,15 @@ class Sectors:
         return self._body > 0
 
     def _cover(self, points: Array, radius_m: float, count: int) -> None:
-        disc = np.full(8, radius_m - 0.5 * self._at[2])
-        for x, y in points:
-            _mark(self._body, *self._at, x, y, 0.0, disc, count)
+        _cover(self._body, *self._at, points, radius_m - 0.5 * self._at[2], count)
 
     @property
     def _at(self) -> tuple[float, float, float]:
         assert self._frame is not None
         return self._frame.x0, self._frame.y0, self._frame.resolution_m
 
-    def _mark(self, put: tuple[Pose, Array, Array], count: int) -> None:
-        pose, clear, core = put
-        _mark(self.cleared, *self._at, pose.x, pose.y, pose.heading, clear, count)
-        _mark(self.core, *self._at, pose.x, pose.y, pose.heading, core, count)
+    def _mark(self, pose: Pose, before: Array, after: Array) -> None:
+        _mark(self.cleared, self.core, *self._at, pose.x, pose.y, pose.heading, before, after)
 
 
 def mark_segments(frame: GridFrame, evidence: Array, segments: Array, weight: float) -> None:
@@ -166,12 +169,34 @@ def _cut(x, y, heading, clear, segments, margin):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _mark(counts, x0, y0, resolution, x, y, heading, clear, weight):  # type: ignore[no-untyped-def]
-    n = len(clear)
-    rows, columns = counts.shape
+def _in_reach(places, reach, segments):  # type: ignore[no-untyped-def]
+    """Which places, shape (n, 2), have a segment within their reach, shape (n,), and a hair more."""
+    out = np.zeros(len(places), dtype=np.bool_)
+    for i in range(len(places)):
+        for k in range(len(segments)):
+            ax, ay = segments[k, 0] - places[i, 0], segments[k, 1] - places[i, 1]
+            ex, ey = segments[k, 2] - segments[k, 0], segments[k, 3] - segments[k, 1]
+            t = min(1.0, max(0.0, -(ax * ex + ay * ey) / max(ex * ex + ey * ey, 1e-12)))
+            if math.hypot(ax + t * ex, ay + t * ey) <= reach[i] + 1e-6:
+                out[i] = True
+                break
+    return out
+
+
+@kernel
+def _mark(cleared, core, x0, y0, resolution, x, y, heading, before, after):  # type: ignore[no-untyped-def]
+    """Count what `after` clears and take off what `before` did; rows 0 for `cleared`, 1 for `core`, shape (2, n).
+
+    -1 clears nothing. Most cells get their sector from an approximate angle; near the rim of a sector the exact one
+    decides, so that the counts are those of `atan2` and `hypot`.
+    """
+    n = before.shape[1]
+    rows, columns = cleared.shape
     reach = 0.0
-    for b in range(n):
-        reach = max(reach, clear[b])
+    for layer in range(2):
+        for b in range(n):
+            if before[layer, b] != after[layer, b]:
+                reach = max(reach, before[layer, b], after[layer, b])
     if reach <= 0.0:
         return
     r0 = max(0, int(math.floor((y - reach - y0) / resolution)))
@@ -182,9 +207,60 @@ def _mark(counts, x0, y0, resolution, x, y, heading, clear, weight):  # type: ig
         dy = y0 + (row + 0.5) * resolution - y
         for column in range(c0, c1 + 1):
             dx = x0 + (column + 0.5) * resolution - x
-            distance = math.hypot(dx, dy)
-            if distance > reach:
+            distance = math.sqrt(dx * dx + dy * dy)
+            if distance > reach + _HAIR_M:
                 continue
-            b = int(math.floor((math.atan2(dy, dx) - heading) / (2.0 * math.pi) * n)) % n
-            if distance <= clear[b]:
-                counts[row, column] += weight
+            u = (_nearly_atan2(dy, dx) - heading) / (2.0 * math.pi) * n
+            b = int(math.floor(u))
+            if u - b < _RIM or u - b > 1.0 - _RIM or distance < _HAIR_M:
+                b = int(math.floor((math.atan2(dy, dx) - heading) / (2.0 * math.pi) * n))
+            b = b % n
+            cleared[row, column] += _within(dx, dy, distance, after[0, b]) - _within(
+                dx, dy, distance, before[0, b]
+            )
+            core[row, column] += _within(dx, dy, distance, after[1, b]) - _within(
+                dx, dy, distance, before[1, b]
+            )
+
+
+@kernel
+def _within(dx, dy, distance, limit):  # type: ignore[no-untyped-def]
+    """1 where hypot(dx, dy), which is about `distance`, is at most the limit."""
+    if abs(distance - limit) < _HAIR_M:
+        distance = math.hypot(dx, dy)
+    return 1 if distance <= limit else 0
+
+
+@kernel
+def _nearly_atan2(y, x):  # type: ignore[no-untyped-def]
+    """atan2 to 2e-5 rad; its sign and quadrant are exact."""
+    ax, ay = abs(x), abs(y)
+    t = min(ax, ay) / max(ax, ay, 1e-300)
+    q = t * t
+    # least maximum error on [0, 1], degree 11
+    a = t * (
+        0.99997726
+        + q * (-0.33262347 + q * (0.19354346 + q * (-0.11643287 + q * (0.05265332 - q * 0.01172120))))
+    )
+    if ay > ax:
+        a = 0.5 * math.pi - a
+    if x < 0.0:
+        a = math.pi - a
+    return -a if y < 0.0 else a
+
+
+@kernel
+def _cover(counts, x0, y0, resolution, points, radius, count):  # type: ignore[no-untyped-def]
+    """Add to the cells whose middle lies within a radius of a point, once for each point."""
+    rows, columns = counts.shape
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        r0 = max(0, int(math.floor((y - radius - y0) / resolution)))
+        r1 = min(rows - 1, int(math.floor((y + radius - y0) / resolution)))
+        c0 = max(0, int(math.floor((x - radius - x0) / resolution)))
+        c1 = min(columns - 1, int(math.floor((x + radius - x0) / resolution)))
+        for row in range(r0, r1 + 1):
+            dy = y0 + (row + 0.5) * resolution - y
+            for column in range(c0, c1 + 1):
+                if math.hypot(x0 + (column + 0.5) * resolution - x, dy) <= radius:
+                    counts[row, column] += count

@@ -13,6 +13,7 @@ from sonar_explore.geometry import Array
 from sonar_explore.mapping.frontiers import passable
 from sonar_explore.mapping.grid import UNKNOWN, Cells, Mask
 from sonar_explore.mapping.occupancy import OccupancyGrid
+from sonar_explore.planning.expected import ChainSpans, expected_chains
 from sonar_explore.planning.paths import SafePaths
 from sonar_explore.slam.chains import Chain
 
@@ -68,6 +69,7 @@ class CandidateFinder:
         self._config = config
         self._body = body_radius_m
         self._near, self._far = range_min_m, range_max_m
+        self._spans = ChainSpans()
 
     def find(
         self,
@@ -96,7 +98,8 @@ class CandidateFinder:
             cells, way, (grid.states == UNKNOWN) & way, self._config.view_m, grid.frame.resolution_m
         )
         places = grid.frame.centres(cells)
-        answers = expected_chains(places, chains, grid, self._near, self._far, self._config.chain_grows_m)
+        spans = self._spans.of(chains)
+        answers = expected_chains(places, spans, grid, self._near, self._far, self._config.chain_grows_m)
         dangling = np.array([c.dangling and tried.get(c.id, 0) < 2 for c in chains], dtype=bool)
         certain = np.array([c.root_probability if not c.dangling else 0.0 for c in chains])
         meets: Mask = np.zeros(len(cells), dtype=bool)
@@ -129,15 +132,10 @@ class CandidateFinder:
 
     def _lattice(self, grid: OccupancyGrid, paths: SafePaths, taken: Array) -> Cells:
         """In each square of the lattice, the reachable cell with the most room; none near a place taken."""
-        cells = np.argwhere(paths.within & self.roomy(grid))
-        if not len(cells):
-            return cells
-        column, row = np.floor(grid.frame.centres(cells) / self._config.spacing_m).astype(np.int64).T
-        square = (row - row.min()) * (column.max() - column.min() + 1) + column - column.min()
-        room = np.round(paths.room_m[cells[:, 0], cells[:, 1]], 6)
-        order = np.lexsort((cells[:, 1], cells[:, 0], -room, square))
-        _, first = np.unique(square[order], return_index=True)
-        cells = cells[order[first]]
+        frame, usable = grid.frame, paths.within & self.roomy(grid)
+        cells = _roomiest(
+            usable, paths.room_m, frame.x0, frame.y0, frame.resolution_m, self._config.spacing_m
+        )
         if not len(taken):
             return cells
         places = grid.frame.centres(cells)
@@ -156,6 +154,28 @@ class CandidateFinder:
             apart = [math.hypot(*(places[i] - places[j])) for j in chosen]
             (chosen if not apart or min(apart) >= 2.0 * self._config.spacing_m else crowd).append(int(i))
         return (chosen + crowd)[: self._config.most]
+
+
+@kernel
+def _roomiest(usable, room, x0, y0, resolution, spacing):  # type: ignore[no-untyped-def]
+    """In each square of the lattice, by its row and column, the first usable cell with the most room, shape (n, 2)."""
+    rows, columns = usable.shape
+    first_row = int(math.floor((0.5 * resolution + y0) / spacing))
+    first_column = int(math.floor((0.5 * resolution + x0) / spacing))
+    last_row = int(math.floor(((rows - 0.5) * resolution + y0) / spacing))
+    last_column = int(math.floor(((columns - 0.5) * resolution + x0) / spacing))
+    best = np.full((last_row - first_row + 1, last_column - first_column + 1, 2), -1)
+    for row in range(rows):
+        i = int(math.floor(((row + 0.5) * resolution + y0) / spacing)) - first_row
+        for column in range(columns):
+            if not usable[row, column]:
+                continue
+            j = int(math.floor(((column + 0.5) * resolution + x0) / spacing)) - first_column
+            r, c = best[i, j]
+            if r < 0 or np.rint(room[row, column] * 1e6) > np.rint(room[r, c] * 1e6):
+                best[i, j, 0], best[i, j, 1] = row, column
+    flat = best.reshape(-1, 2)
+    return flat[flat[:, 0] >= 0]
 
 
 def new_area(cells: Cells, way: Mask, unseen: Mask, view_m: float, resolution_m: float) -> Array:
@@ -189,52 +209,6 @@ def _seen_from(cells, way, unseen, rows, columns):  # type: ignore[no-untyped-de
                     total += k + 1
         out[i] = total
     return out
-
-
-def expected_chains(
-    places: Array,
-    chains: Sequence[Chain],
-    grid: OccupancyGrid,
-    near_m: float,
-    far_m: float,
-    grows_m: float = 0.0,
-) -> Mask:
-    """Which chains should answer at which places, shape (n places, n chains).
-
-    A wall answers only where the foot of the normal lies on it (READING section 2), or up to `grows_m` beyond its
-    links, within reliable range and in line of sight on the map.
-    """
-    out = np.zeros((len(places), len(chains)), dtype=bool)
-    frame, occupied = grid.frame, grid.occupied
-    for k, chain in enumerate(chains):
-        direction = chain.root.segment.direction
-        along = np.array([math.cos(direction), math.sin(direction)])
-        across = np.array([-along[1], along[0]])
-        ends = np.array([link.segment.as_row() for link in chain.links]).reshape(-1, 2)
-        foot = places @ along
-        offset = float(np.mean(ends @ across)) - places @ across
-        reach = (ends @ along).min() - grows_m, (ends @ along).max() + grows_m
-        on_wall = (foot >= reach[0]) & (foot <= reach[1])
-        maybe = on_wall & (np.abs(offset) >= near_m) & (np.abs(offset) <= far_m)
-        for i in np.flatnonzero(maybe):
-            x, y = places[i]
-            foot_x, foot_y = places[i] + offset[i] * across
-            out[i, k] = _in_sight(occupied, frame.x0, frame.y0, frame.resolution_m, x, y, foot_x, foot_y)
-    return out
-
-
-@kernel
-def _in_sight(occupied, x0, y0, resolution, x, y, fx, fy):  # type: ignore[no-untyped-def]
-    """Whether no occupied cell stands more than 15 cm before the foot."""
-    length = math.hypot(fx - x, fy - y)
-    rows, columns = occupied.shape
-    for k in range(int((length - 0.15) / resolution)):
-        share = (k + 0.5) * resolution / length
-        row = int(math.floor((y + (fy - y) * share - y0) / resolution))
-        column = int(math.floor((x + (fx - x) * share - x0) / resolution))
-        if 0 <= row < rows and 0 <= column < columns and occupied[row, column]:
-            return False
-    return True
 
 
 def _certainty(probabilities: Array, directions: Array) -> float:

@@ -9,11 +9,12 @@ from itertools import pairwise
 import numpy as np
 from scipy import ndimage
 from skimage.measure import approximate_polygon
-from skimage.morphology import remove_small_holes
 
 from sonar_explore.geometry import Array
+from sonar_explore.mapping.distance import distances
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask
 from sonar_explore.mapping.occupancy import OccupancyGrid
+from sonar_explore.mapping.regions import without_holes
 from sonar_explore.planning.cheapest import cheapest_costs, cheapest_way
 
 TOLERANCES_M = (0.10, 0.05, 0.025)  # how far a straightened path may leave the cells of the cheapest one
@@ -102,9 +103,8 @@ class SafePaths:
 def clearance(grid: OccupancyGrid, config: PlanningConfig) -> Array:
     """Distance of each cell to the nearest one that is not free, small unknown specks apart; (rows, columns), [m]."""
     res = grid.frame.resolution_m
-    free: Mask = remove_small_holes(grid.states == FREE, max_size=round(config.speck_m2 / res**2))
-    free = free & (grid.states != OCCUPIED)
-    return np.asarray((ndimage.distance_transform_edt(free) - 0.5) * res)
+    free = without_holes(grid.states == FREE, round(config.speck_m2 / res**2)) & (grid.states != OCCUPIED)
+    return (distances(~free) - 0.5) * res
 
 
 def _escape_zone(grid: OccupancyGrid, start: tuple[int, int], within_m: float) -> Mask:

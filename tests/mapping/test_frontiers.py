@@ -3,6 +3,8 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
+from skimage.measure import label, regionprops
 
 from sonar_explore.mapping.frontiers import find_frontiers, passable
 from sonar_explore.mapping.grid import FREE, OCCUPIED, UNKNOWN, GridFrame
@@ -53,3 +55,15 @@ def test_every_frontier_cell_is_free_passable_and_beside_the_unknown():
         for row, column in frontier.cells:
             assert grid.states[row, column] == FREE and way[row, column]
             assert (grid.states[row - 1 : row + 2, column - 1 : column + 2] == UNKNOWN).any()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_frontiers_are_the_regions_that_dilating_the_unknown_gives(seed):
+    rng = np.random.default_rng(seed)
+    states = ndimage.zoom(rng.choice([UNKNOWN, FREE, FREE, OCCUPIED], (8, 12)), 10, order=0).astype(np.uint8)
+    grid = OccupancyGrid(FRAME, states)
+    way = passable(grid, BODY_M)
+    beside = ndimage.binary_dilation((states == UNKNOWN) & way, np.ones((3, 3)))
+    regions = regionprops(label((states == FREE) & way & beside, connectivity=2))
+    expected = {r.coords.tobytes() for r in regions if len(r.coords) * FRAME.resolution_m >= 0.15}
+    assert {f.cells.tobytes() for f in find_frontiers(grid, BODY_M, 0.15)} == expected

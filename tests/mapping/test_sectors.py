@@ -54,6 +54,21 @@ def test_putting_replacing_and_growing_gives_what_a_fresh_draw_gives(seed):
     assert (sectors.body == fresh.body).all() and sectors.body.any()
 
 
+@settings(max_examples=30, deadline=None)
+@given(seeds)
+def test_a_cell_is_cleared_where_its_own_sector_is_clear_that_far(seed):
+    rng, sectors = np.random.default_rng(seed), Sectors()
+    n = int(rng.choice([8, 90, 360]))
+    pose, clear = Pose(*rng.uniform(-2.0, 2.0, 3) * (1, 1, 9)), rng.uniform(0.0, REACH_M, (2, n))
+    frame = covering(GridFrame(0.0, 0.0, 0.05, (1, 1)), pose)
+    sectors.resize(frame)
+    sectors.put(0, pose, *clear)
+    dx, dy = (frame.centres(np.argwhere(np.ones(frame.shape))) - (pose.x, pose.y)).T
+    bins = np.floor((np.arctan2(dy, dx) - pose.heading) / math.tau * n).astype(int) % n
+    for counts, limits in zip((sectors.cleared, sectors.core), clear, strict=True):
+        assert (counts.ravel() == (np.hypot(dx, dy) <= limits[bins])).all()
+
+
 def test_putting_the_same_again_changes_nothing():
     rng, sectors = np.random.default_rng(0), Sectors()
     put = random_put(rng)

@@ -1,0 +1,85 @@
+"""Connected regions of a grid."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonar_explore.compiled import kernel
+from sonar_explore.mapping.grid import Cells, Mask
+
+
+def without_holes(mask: Mask, most: int) -> Mask:
+    """The mask with holes of up to so many cells, joined by their sides, filled; shape (rows, columns)."""
+    out = mask.copy()
+    _fill(out, most)
+    return out
+
+
+def labelled(mask: Mask) -> tuple[Cells, NDArray[np.int64]]:
+    """Cells of a mask by rows, shape (n, 2), and the region of each, shape (n,).
+
+    Regions join by sides and corners, and count from 0 by their first cells.
+    """
+    cells = np.argwhere(mask)
+    regions = np.full(len(cells), -1)
+    _label(mask, cells, regions)
+    return cells, regions
+
+
+@kernel
+def _fill(mask, most):  # type: ignore[no-untyped-def]
+    rows, columns = mask.shape
+    large = np.zeros((rows, columns), dtype=np.bool_)
+    hole = np.empty((most + 4, 2), dtype=np.int64)
+    for row in range(rows):
+        for column in range(columns):
+            if mask[row, column] or large[row, column]:
+                continue
+            if (row > 0 and large[row - 1, column]) or (column > 0 and large[row, column - 1]):
+                large[row, column] = True
+                continue
+            hole[0, 0], hole[0, 1] = row, column
+            mask[row, column] = True
+            count, done, small = 1, 0, True
+            while small and done < count:
+                for dr, dc in ((-1, 0), (0, -1), (0, 1), (1, 0)):
+                    r, c = hole[done, 0] + dr, hole[done, 1] + dc
+                    if r < 0 or c < 0 or r >= rows or c >= columns or mask[r, c]:
+                        continue
+                    if large[r, c] or count >= most:
+                        small = False
+                        break
+                    hole[count, 0], hole[count, 1] = r, c
+                    mask[r, c] = True
+                    count += 1
+                done += 1
+            if not small or count > most:
+                for k in range(count):
+                    mask[hole[k, 0], hole[k, 1]] = False
+                    large[hole[k, 0], hole[k, 1]] = True
+
+
+@kernel
+def _label(mask, cells, regions):  # type: ignore[no-untyped-def]
+    rows, columns = mask.shape
+    index = np.full((rows, columns), -1, dtype=np.int32)
+    for i in range(len(cells)):
+        index[cells[i, 0], cells[i, 1]] = i
+    queue = np.empty(len(cells), dtype=np.int64)
+    region = 0
+    for first in range(len(cells)):
+        if regions[first] >= 0:
+            continue
+        queue[0], regions[first] = first, region
+        count, done = 1, 0
+        while done < count:
+            row, column = cells[queue[done], 0], cells[queue[done], 1]
+            done += 1
+            for r in range(max(0, row - 1), min(rows, row + 2)):
+                for c in range(max(0, column - 1), min(columns, column + 2)):
+                    i = index[r, c]
+                    if i >= 0 and regions[i] < 0:
+                        queue[count], regions[i] = i, region
+                        count += 1
+        region += 1

@@ -1,0 +1,84 @@
+"""Which chains should answer a scan at a place: those on which the foot of the normal lies, near and in sight."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from sonar_explore.compiled import kernel
+from sonar_explore.geometry import Array
+from sonar_explore.mapping.grid import Mask
+from sonar_explore.mapping.occupancy import OccupancyGrid
+from sonar_explore.slam.chains import Chain
+
+
+class ChainSpans:
+    """The line and the extent of each chain, kept while the chain stays as it is."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, tuple[Chain, Array]] = {}
+
+    def of(self, chains: Sequence[Chain]) -> Array:
+        """Unit vector x y along the root, distance of its links across, their extent along, shape (n, 5), [m]."""
+        rows = np.empty((len(chains), 5))
+        for row, chain in zip(rows, chains, strict=True):
+            known = self._known.get(chain.id)
+            if known is None or known[0] is not chain:
+                known = self._known[chain.id] = (chain, _span(chain))
+            row[:] = known[1]
+        return rows
+
+
+def _span(chain: Chain) -> Array:
+    direction = chain.root.segment.direction
+    along = np.array([math.cos(direction), math.sin(direction)])
+    across = np.array([-along[1], along[0]])
+    ends = np.array([link.segment.as_row() for link in chain.links]).reshape(-1, 2)
+    reach = ends @ along
+    return np.array([*along, np.mean(ends @ across), reach.min(), reach.max()])
+
+
+def expected_chains(
+    places: Array, spans: Array, grid: OccupancyGrid, near_m: float, far_m: float, grows_m: float = 0.0
+) -> Mask:
+    """Which chains should answer at which places, shape (n places, n chains).
+
+    A wall answers only where the foot of the normal lies on it (READING section 2), or up to `grows_m` beyond its
+    links, within reliable range and in line of sight on the map.
+    """
+    out = np.zeros((len(places), len(spans)), dtype=bool)
+    frame = grid.frame
+    corner = frame.x0, frame.y0, frame.resolution_m
+    _expect(places, spans, near_m, far_m, grows_m, grid.occupied, *corner, out)
+    return out
+
+
+@kernel
+def _expect(places, spans, near, far, grows, occupied, x0, y0, resolution, out):  # type: ignore[no-untyped-def]
+    for k in range(len(spans)):
+        cos, sin, distance, low, high = spans[k]
+        for i in range(len(places)):
+            x, y = places[i]
+            foot = x * cos + y * sin
+            if foot < low - grows or foot > high + grows:
+                continue
+            offset = distance - (y * cos - x * sin)
+            if near <= abs(offset) <= far:
+                foot_x, foot_y = x - offset * sin, y + offset * cos
+                out[i, k] = _in_sight(occupied, x0, y0, resolution, x, y, foot_x, foot_y)
+
+
+@kernel
+def _in_sight(occupied, x0, y0, resolution, x, y, fx, fy):  # type: ignore[no-untyped-def]
+    """Whether no occupied cell stands more than 15 cm before the foot."""
+    length = math.hypot(fx - x, fy - y)
+    rows, columns = occupied.shape
+    for k in range(int((length - 0.15) / resolution)):
+        share = (k + 0.5) * resolution / length
+        row = int(math.floor((y + (fy - y) * share - y0) / resolution))
+        column = int(math.floor((x + (fx - x) * share - x0) / resolution))
+        if 0 <= row < rows and 0 <= column < columns and occupied[row, column]:
+            return False
+    return True

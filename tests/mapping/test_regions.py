@@ -1,0 +1,48 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
+"""Holes, regions and distances are those of scikit-image and SciPy, cell by cell."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+from skimage.measure import label
+from skimage.morphology import remove_small_holes
+
+from sonar_explore.mapping.distance import distances
+from sonar_explore.mapping.regions import labelled, without_holes
+
+seeds = st.integers(0, 10_000)
+
+
+def patches(seed, shares=(0.95, 0.8, 0.6, 0.4)):
+    rng = np.random.default_rng(seed)
+    return rng.random(rng.integers(1, 40, 2)) < rng.choice(shares), rng
+
+
+@settings(max_examples=150, deadline=None)
+@given(seeds)
+def test_small_holes_are_those_of_scikit_image(seed):
+    mask, rng = patches(seed)
+    most = int(rng.integers(1, 25))
+    assert (without_holes(mask, most) == remove_small_holes(mask, max_size=most)).all()
+
+
+@settings(max_examples=100, deadline=None)
+@given(seeds)
+def test_regions_are_those_of_scikit_image(seed):
+    mask, _ = patches(seed)
+    cells, regions = labelled(mask)
+    assert (cells == np.argwhere(mask)).all()
+    assert (label(mask, connectivity=2)[mask] - 1 == regions).all()
+
+
+@settings(max_examples=150, deadline=None)
+@given(seeds)
+def test_distances_are_those_of_scipy_to_the_last_bit(seed):
+    mask, rng = patches(seed, shares=(0.5, 0.05, 0.005))
+    mask[tuple(rng.integers(0, mask.shape))] = True
+    assert (distances(mask) == ndimage.distance_transform_edt(~mask)).all()
+
+
+def test_where_there_is_nothing_it_is_infinitely_far():
+    assert np.isinf(distances(np.zeros((3, 4), dtype=bool))).all()
