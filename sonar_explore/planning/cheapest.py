@@ -8,39 +8,38 @@ import numpy as np
 
 from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array
-from sonar_explore.mapping.grid import Cells, Mask
+from sonar_explore.mapping.grid import Cells
 
 _SQRT2 = math.sqrt(2.0)
 
 
-def cheapest_costs(cost: Array, occupied: Mask, start: tuple[int, int]) -> Array:
+def cheapest_costs(cost: Array, start: tuple[int, int]) -> Array:
     """Cost of the cheapest way from the start to each cell, shape (rows, columns); inf where there is none.
 
-    A step leads to one of eight neighbours and costs the mean of both cells' costs times its length in cells. No
-    diagonal step passes an occupied cell: the body would cut its corner.
+    A step leads to one of eight neighbours and costs the mean of both cells' costs times its length in cells. A
+    diagonal step needs both cells beside it as well: it would cut their corners.
 
     Args:
         cost: of each cell, at least 1, inf where it must not be entered, shape (rows, columns).
-        occupied: cells that no step may brush past, shape (rows, columns).
         start: (row, column); its cost is finite.
     """
     out = np.full(cost.shape, np.inf)
     dearest = float(cost.max(initial=1.0, where=np.isfinite(cost)))
     buckets = np.full(math.ceil(_SQRT2 * dearest) + 2, -1, dtype=np.int64)
-    _spread(cost, occupied, start[0], start[1], out, buckets)
+    _spread(cost, start[0], start[1], out, buckets)
     return out
 
 
-def cheapest_way(cost: Array, occupied: Mask, costs: Array, end: tuple[int, int]) -> Cells:
+def cheapest_way(cost: Array, costs: Array, end: tuple[int, int]) -> Cells:
     """The cells of a cheapest way, from the start to a cell that has one, shape (n, 2).
 
     Where several are as cheap, straight steps go before diagonal ones, and lower rows and columns first.
     """
-    return np.asarray(_way_back(cost, occupied, costs, end[0], end[1]))[::-1]
+    return np.asarray(_way_back(cost, costs, end[0], end[1]))[::-1]
 
 
 @kernel
-def _spread(cost, occupied, row, column, out, buckets):  # type: ignore[no-untyped-def]
+def _spread(cost, row, column, out, buckets):  # type: ignore[no-untyped-def]
     """Bucket k holds the cells between k and k + 1 away. No step costs less than 1: they all are final at once."""
     rows, columns = cost.shape
     cells = np.empty(8 * cost.size + 1, dtype=np.int32)
@@ -69,7 +68,7 @@ def _spread(cost, occupied, row, column, out, buckets):  # type: ignore[no-untyp
                         continue
                     length = 1.0
                     if dr != 0 and dc != 0:
-                        if occupied[row, c] or occupied[r, column]:
+                        if cost[row, c] == np.inf or cost[r, column] == np.inf:
                             continue
                         length = _SQRT2
                     total = here + 0.5 * (cost[row, column] + cost[r, c]) * length
@@ -84,7 +83,7 @@ def _spread(cost, occupied, row, column, out, buckets):  # type: ignore[no-untyp
 
 
 @kernel
-def _way_back(cost, occupied, costs, row, column):  # type: ignore[no-untyped-def]
+def _way_back(cost, costs, row, column):  # type: ignore[no-untyped-def]
     """From the end, each time the neighbour by which the cell came to its cost."""
     rows, columns = cost.shape
     way = [(row, column)]
@@ -98,7 +97,7 @@ def _way_back(cost, occupied, costs, row, column):  # type: ignore[no-untyped-de
                         continue
                     if r < 0 or c < 0 or r >= rows or c >= columns or costs[r, c] == np.inf:
                         continue
-                    if diagonal and (occupied[row, c] or occupied[r, column]):
+                    if diagonal and (cost[row, c] == np.inf or cost[r, column] == np.inf):
                         continue
                     length = _SQRT2 if diagonal else 1.0
                     if costs[r, c] + 0.5 * (cost[r, c] + cost[row, column]) * length == costs[row, column]:

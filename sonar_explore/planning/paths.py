@@ -76,8 +76,8 @@ class SafePaths:
             cost[start] = 1.0
         self.room_m = room
         """Distance of each cell to the nearest cell that is not free, shape (rows, columns), [m]."""
-        self._cell_costs, self._occupied = cost, grid.occupied
-        self._costs = cheapest_costs(cost, self._occupied, start)
+        self._cell_costs = cost
+        self._costs = cheapest_costs(cost, start)
         self.within = np.isfinite(self._costs) & (room >= least)
         """Cells that the body can be driven to, shape (rows, columns)."""
 
@@ -97,7 +97,7 @@ class SafePaths:
         cell = self.frame.cell(x, y)
         if not self.frame.contains(np.array([cell]))[0] or not np.isfinite(self._costs[cell]):
             return None
-        return self.frame.centres(cheapest_way(self._cell_costs, self._occupied, self._costs, cell))
+        return self.frame.centres(cheapest_way(self._cell_costs, self._costs, cell))
 
 
 def clearance(grid: OccupancyGrid, config: PlanningConfig) -> Array:

@@ -1,13 +1,14 @@
 # mypy: disallow-untyped-defs=False, check-untyped-defs=True
-"""The cheapest ways are those of scikit-image's Dijkstra, to the last bit, and pass no corner of a wall."""
+"""The cheapest ways are those of SciPy's Dijkstra, to the last bit, and cut no corner."""
 
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from skimage.graph import MCP_Geometric
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
 
 from sonar_explore.planning.cheapest import cheapest_costs, cheapest_way
 
@@ -23,35 +24,46 @@ def ground(seed):
     return cost, start, rng
 
 
-@settings(max_examples=80, deadline=None)
+def edges(cost):
+    """What a step costs, for all that may be made, as (from, to, cost)."""
+    rows, columns = cost.shape
+    for row, column in np.ndindex(rows, columns):
+        for dr, dc in product((-1, 0, 1), repeat=2):
+            r, c = row + dr, column + dc
+            if (dr, dc) == (0, 0) or not (0 <= r < rows and 0 <= c < columns):
+                continue
+            if np.isfinite([cost[row, column], cost[r, c], cost[row, c], cost[r, column]]).all():
+                length = np.sqrt(2.0) if dr and dc else 1.0
+                yield row * columns + column, r * columns + c, 0.5 * (cost[row, column] + cost[r, c]) * length
+
+
+@settings(max_examples=40, deadline=None)
 @given(seeds)
-def test_where_no_wall_is_near_the_costs_are_those_of_scikit_image(seed):
+def test_the_costs_are_those_of_scipy(seed):
     cost, start, _ = ground(seed)
-    theirs, _ = MCP_Geometric(cost, fully_connected=True).find_costs([start])
-    theirs[np.isinf(cost)] = np.inf
-    assert (cheapest_costs(cost, np.zeros(cost.shape, dtype=bool), start) == theirs).all()
+    steps = list(edges(cost))
+    first, second, weight = np.array(steps).reshape(-1, 3).T
+    graph = coo_array((weight, (first.astype(int), second.astype(int))), shape=(cost.size, cost.size))
+    theirs = dijkstra(graph.tocsr(), indices=int(np.ravel_multi_index(start, cost.shape)))
+    assert (cheapest_costs(cost, start).ravel() == theirs).all()
 
 
 @settings(max_examples=80, deadline=None)
 @given(seeds)
-def test_a_way_costs_what_is_said_and_brushes_past_no_wall(seed):
+def test_a_way_costs_what_is_said_and_cuts_no_corner(seed):
     cost, start, rng = ground(seed)
-    occupied = rng.random(cost.shape) < 0.3
-    costs = cheapest_costs(cost, occupied, start)
+    costs = cheapest_costs(cost, start)
+    step = {(a, b): weight for a, b, weight in edges(cost)}
     ends = np.argwhere(np.isfinite(costs))
     for end in ends[rng.integers(len(ends), size=5)]:
-        way = cheapest_way(cost, occupied, costs, tuple(end))
+        way = cheapest_way(cost, costs, tuple(end))
         assert tuple(way[0]) == start and (way[-1] == end).all()
-        total = 0.0
-        for (row, column), (r, c) in pairwise(way):
-            assert max(abs(r - row), abs(c - column)) == 1
-            if r != row and c != column:
-                assert not occupied[row, c] and not occupied[r, column]
-            total += 0.5 * (cost[row, column] + cost[r, c]) * np.hypot(r - row, c - column)
-        assert total == pytest.approx(costs[tuple(end)])
+        cells = np.ravel_multi_index(tuple(way.T), cost.shape)
+        assert sum(step[pair] for pair in pairwise(cells.tolist())) == pytest.approx(costs[tuple(end)])
 
 
-def test_two_walls_that_touch_at_a_corner_leave_no_way_between_them():
-    cost, occupied = np.ones((2, 2)), np.array([[False, True], [True, False]])
-    cost[occupied] = np.inf
-    assert np.isinf(cheapest_costs(cost, occupied, (0, 0))[1, 1])
+@pytest.mark.parametrize("walls", [[(0, 1)], [(1, 0)], [(0, 1), (1, 0)]])
+def test_no_way_leads_past_the_corner_of_a_wall(walls):
+    cost = np.ones((2, 2))
+    cost[tuple(np.transpose(walls))] = np.inf
+    assert cheapest_costs(cost, (0, 0))[1, 1] == (np.inf if len(walls) == 2 else 2.0)
