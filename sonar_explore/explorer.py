@@ -10,6 +10,7 @@ import numpy as np
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.mapping.frontiers import Frontier, find_frontiers
+from sonar_explore.mapping.near import any_within, any_within_in_blocks
 from sonar_explore.mapping.occupancy import Look, OccupancyGrid, OccupancyMapper, look_of
 from sonar_explore.measurement import Scan
 from sonar_explore.planning.candidates import Candidate, CandidateFinder
@@ -189,8 +190,7 @@ class Explorer:
 
     def _is_point(self, x: float, y: float) -> bool:
         """Whether the map has an edge, a corner or a thin column at a place."""
-        off = np.hypot(*(self._mapper.recent_points - (x, y)).T)
-        return bool((off <= POINT_WITHIN_M).any())
+        return any_within(self._mapper.recent_points, x, y, POINT_WITHIN_M)
 
     def _map(self) -> None:
         poses = [entry.pose for entry in self._slam.scans]
@@ -241,8 +241,7 @@ class Explorer:
         paths = self._paths
 
         def room(x: float, y: float) -> float:
-            been = (np.abs(trail[:, 0] - x) + np.abs(trail[:, 1] - y)).min() <= FAMILIAR_M
-            return paths.room_at(x, y) if been else 0.0
+            return paths.room_at(x, y) if any_within_in_blocks(trail, x, y, FAMILIAR_M) else 0.0
 
         return room
 

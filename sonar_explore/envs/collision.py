@@ -12,13 +12,14 @@ from sonar_explore.envs.scene import Scene
 def clearance(scene: Scene, x: float, y: float) -> float:
     """Distance from a point to the nearest wall or to the surface of the nearest column, [m]; inf far outside."""
     walls, _, cylinders, wall_first, wall_items, _, _, cylinder_first, cylinder_items, frame = scene.arrays
-    return float(
-        _clearance(x, y, walls, cylinders, wall_first, wall_items, cylinder_first, cylinder_items, frame)
-    )
+    near = (walls, cylinders, wall_first, wall_items, cylinder_first, cylinder_items, frame)
+    return float(clearance_at(x, y, near))
 
 
 @inner_kernel
-def _clearance(x, y, walls, cylinders, wall_first, wall_items, cylinder_first, cylinder_items, frame):  # type: ignore[no-untyped-def]
+def clearance_at(x, y, near):  # type: ignore[no-untyped-def]
+    """`clearance` for kernels: `near` is walls, columns, both their neighbourhood indices, and the index's frame."""
+    walls, cylinders, wall_first, wall_items, cylinder_first, cylinder_items, frame = near
     best = math.inf
     cell = cell_of(x, y, frame[0], frame[1], frame[2], int(frame[3]), int(frame[4]))
     if cell < 0:

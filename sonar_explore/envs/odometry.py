@@ -62,13 +62,13 @@ class OdometryError:
     def true_motion(self, forward_m: float, turn_rad: float) -> tuple[float, float]:
         """What the robot does when its odometry says (forward, turn): (forward, turn), [m, rad]."""
         n = self._noise
-        z = self._rng.standard_normal(2)
+        z_forward, z_turn = self._rng.standard_normal(), self._rng.standard_normal()
         distance = abs(forward_m)
         full_turns = abs(turn_rad) / (2.0 * math.pi)
         heading_sigma = math.sqrt(n.turn_sigma_rad**2 * full_turns + n.drift_sigma_rad**2 * distance)
         return (
-            forward_m + n.distance_sigma_m * math.sqrt(distance) * float(z[0]),
-            turn_rad * self.turn_scale + self.curvature_rad_m * forward_m + heading_sigma * float(z[1]),
+            forward_m + n.distance_sigma_m * math.sqrt(distance) * z_forward,
+            turn_rad * self.turn_scale + self.curvature_rad_m * forward_m + heading_sigma * z_turn,
         )
 
     def true_turns(self, turn_rad: float, count: int) -> Array:

@@ -9,10 +9,10 @@ import numpy as np
 
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.envs.acoustics import SonarPhysics, echoes, measured, measured_once, temperature_scale
-from sonar_explore.envs.collision import clearance
 from sonar_explore.envs.odometry import OdometryError, OdometryNoise, running_sum
 from sonar_explore.envs.pings import turned_discs
 from sonar_explore.envs.scene import Scene
+from sonar_explore.envs.tick import ODOMETRY, OUTCOME, TRUE, drive_and_fire
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
@@ -39,7 +39,10 @@ class Simulator:
         self.world = world
         self.config = config
         self._scene = Scene.of(world, config.sonar.range_max_m)
-        self._disc = np.empty((1, 3))
+        sonar = config.sonar
+        mirrors = (sonar.ghost_order - 1, sonar.bounce_loss, sonar.range_max_m)
+        self._hearing = (*self._scene.arrays, *self._scene.scratch, *mirrors, np.empty(1, dtype=np.int64))
+        self._mounts = [(disc.x, disc.y, disc.heading) for disc in config.robot.sonars]
         self.reset(rng)
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -47,7 +50,10 @@ class Simulator:
         self._rng = rng
         self._wheels = OdometryError(self.config.noise, self.config.robot.wheel_base_m, rng)
         self._range_scale = temperature_scale(self.config.sonar, rng)
-        self.true_pose = self.world.start
+        start = self.world.start
+        self._state = np.zeros((4, 3))
+        self._state[TRUE] = start.x, start.y, start.heading
+        self.true_pose = start
         self.pose_robot_in_odometry = Pose(0.0, 0.0, 0.0)
         self.ring_m = np.full(len(self.config.robot.sonars), self.config.robot.range_max_m)
         self.bumper = False
@@ -66,14 +72,27 @@ class Simulator:
         dt = robot.ping_interval_s
         speed = min(robot.speed_max_m_s, max(-robot.speed_max_m_s, speed_m_s))
         turn_rate = min(robot.turn_rate_max_rad_s, max(-robot.turn_rate_max_rad_s, turn_rate_rad_s))
-        self._move(speed * dt, turn_rate * dt)
-        if not self.true_trail or self.true_pose.distance_to(self.true_trail[-1]) >= 0.05:
-            self.true_trail.append(self.true_pose)
-        self.time_s += dt
+        forward, turn = speed * dt, turn_rate * dt
+        true_motion = self._wheels.true_motion(forward, turn)
         disc = self._next_disc
+        drive_and_fire(
+            self._state, forward, turn, *true_motion, robot.radius_m, *self._mounts[disc], *self._hearing
+        )
+        state = self._state.tolist()
+        self._after(forward, bool(state[OUTCOME][1]), Pose(*state[TRUE]), Pose(*state[ODOMETRY]))
+        self.time_s += dt
         self.ring_m = self.ring_m.copy()
-        self.ring_m[disc] = self._fire(disc)
+        self.ring_m[disc] = measured_once(state[OUTCOME][0], self._range_scale, self.config.sonar, self._rng)
         self._next_disc = (disc + 1) % len(robot.sonars)
+
+    def _after(self, forward_m: float, touching: bool, true_pose: Pose, pose_robot_in_odometry: Pose) -> None:
+        """Count what a move came to."""
+        self.contacts += touching and not self.bumper
+        self.bumper = touching
+        self.driven_m += 0.0 if touching else abs(forward_m)
+        self.true_pose, self.pose_robot_in_odometry = true_pose, pose_robot_in_odometry
+        if not self.true_trail or true_pose.distance_to(self.true_trail[-1]) >= 0.05:
+            self.true_trail.append(true_pose)
 
     def scan(self, direction: int) -> Scan:
         """Turn once on the spot and keep one sonar. The odometry error acts during the turn: the scan is smeared."""
@@ -86,6 +105,7 @@ class Simulator:
         self.true_pose = replace(self.true_pose, heading=float(true_headings[-1]))
         counted = running_sum(began.heading, np.full(count, step))
         self.pose_robot_in_odometry = replace(began, heading=float(counted[-1]))
+        self._state[[TRUE, ODOMETRY], 2] = true_headings[-1], counted[-1]
         self.bumper = False
         self.time_s += count * (abs(step) / robot.turn_rate_max_rad_s + robot.ping_interval_s)
         return Scan(
@@ -106,6 +126,7 @@ class Simulator:
         self.true_pose = replace(self.true_pose, heading=float(true_headings[-1]))
         counted = running_sum(began.heading, np.full(plan.steps, plan.step_rad))
         self.pose_robot_in_odometry = replace(began, heading=float(counted[-1]))
+        self._state[[TRUE, ODOMETRY], 2] = true_headings[-1], counted[-1]
         self.bumper = False
         self.time_s += plan.steps * abs(plan.step_rad) / robot.turn_rate_max_rad_s
         self.time_s += len(plan.disc) * robot.ping_interval_s
@@ -117,17 +138,6 @@ class Simulator:
             range_max_m=robot.range_max_m,
             ring=plan.mounts,
         )
-
-    def _fire(self, disc: int) -> float:
-        here, mount, sonar = self.true_pose, self.config.robot.sonars[disc], self.config.sonar
-        c, s = math.cos(here.heading), math.sin(here.heading)
-        self._disc[0] = (
-            here.x + c * mount.x - s * mount.y,
-            here.y + s * mount.x + c * mount.y,
-            here.heading + mount.heading,
-        )
-        ranges, _ = echoes(self._scene, self._disc, sonar)
-        return measured_once(float(ranges[0]), self._range_scale, sonar, self._rng)
 
     def _measure(self, true_pose: Pose, true_headings: Array, disc: int) -> Array:
         """Fire one disc at each of these headings."""
@@ -144,32 +154,3 @@ class Simulator:
         places = (true_pose.x + c * x - s * y, true_pose.y + s * x + c * y, true_headings + heading)
         ranges, _ = echoes(self._scene, np.column_stack(places), self.config.sonar)
         return measured(ranges, self._range_scale, self.config.sonar, self._rng)
-
-    def _move(self, forward_m: float, turn_rad: float) -> None:
-        """One small arc: the odometry records what was asked, the truth does what the wheels make of it."""
-        true_forward, true_turn = self._wheels.true_motion(forward_m, turn_rad)
-        moved = _arc(self.true_pose, true_forward, true_turn)
-        touching = forward_m != 0.0 and self._touches(self.true_pose, moved)
-        if touching:  # the wheels stall: no way forward, but the robot can turn
-            moved = Pose(self.true_pose.x, self.true_pose.y, self.true_pose.heading + true_turn)
-            forward_m = 0.0
-            self.contacts += not self.bumper
-        self.bumper = touching
-        self.true_pose = moved
-        self.pose_robot_in_odometry = _arc(self.pose_robot_in_odometry, forward_m, turn_rad)
-        self.driven_m += abs(forward_m)
-
-    def _touches(self, before: Pose, after: Pose) -> bool:
-        """Whether the body overlaps a wall after a move that did not take it away from one."""
-        gap = clearance(self._scene, after.x, after.y)
-        return gap < self.config.robot.radius_m and gap <= clearance(self._scene, before.x, before.y)
-
-
-def _arc(pose: Pose, forward_m: float, turn_rad: float) -> Pose:
-    """Exact motion along an arc of constant curvature."""
-    half = 0.5 * turn_rad
-    chord = forward_m * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
-    heading = pose.heading + half
-    return Pose(
-        pose.x + chord * math.cos(heading), pose.y + chord * math.sin(heading), pose.heading + turn_rad
-    )

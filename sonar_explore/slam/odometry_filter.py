@@ -68,18 +68,22 @@ class OdometryFilter:
 
     def moved(self, pose: Pose, before: Pose, after: Pose) -> Pose:
         """Carry a pose along with a short bit of odometry, and the uncertainty with it."""
-        step = before.inverse() @ after
         turn = after.heading - before.heading
         if not self.config.enabled:
-            return pose @ step
-        step = replace(step, heading=turn * (1.0 + self.turn_error) + step.x * self.bend_rad_m)
-        self._forward_m += step.x
+            return pose @ (before.inverse() @ after)
+        # the same sums as before.inverse() @ after, without the objects: this runs 25 times a simulated second
+        c, s = math.cos(before.heading), math.sin(before.heading)
+        x = -c * before.x - s * before.y + c * after.x + s * after.y
+        y = s * before.x - c * before.y - s * after.x + c * after.y
+        self._forward_m += x
         self._turn_rad += turn
         self._turned_rad += abs(turn)
         self._heading_rad = pose.heading
         if abs(self._forward_m) > SPREAD_EVERY_M:
             self._spread()
-        return pose @ step
+        c, s = math.cos(pose.heading), math.sin(pose.heading)
+        heading = turn * (1.0 + self.turn_error) + x * self.bend_rad_m
+        return Pose(pose.x + c * x - s * y, pose.y + s * x + c * y, pose.heading + heading)
 
     def unsmeared(self, scan: Scan) -> Scan:
         """The scan with the headings that the robot truly had, as far as is known."""

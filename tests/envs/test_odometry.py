@@ -23,8 +23,8 @@ class Middling:
     def uniform(self, low, high, size):
         return np.full(size, 0.5 * (low + high))
 
-    def standard_normal(self, size):
-        return np.zeros(size)
+    def standard_normal(self, size=None):
+        return 0.0 if size is None else np.zeros(size)
 
 
 def middling(preset: str) -> OdometryError:
