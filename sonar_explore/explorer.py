@@ -81,7 +81,7 @@ class Explorer:
             config.candidates, body.radius_m, body.range_min_m, body.range_reliable_m
         )
         self._looks: list[Look] = []
-        self._trails: list[list[tuple[float, float]]] = []
+        self._trails: list[Array] = []
         """Where the body has been since each scan, in that scan's frame."""
         self._obstacles: list[tuple[int, Array]] = []
         """Where the ring shut the way: index of the last scan, and a piece of wall in its robot frame."""
@@ -111,7 +111,7 @@ class Explorer:
         update = self._slam.update(scan)
         self._driver.forget()
         self._looks.append(look_of(scan, update.features, self._config.mapping))
-        self._trails.append([(0.0, 0.0)])
+        self._trails.append(np.zeros((1, 2)))
         self._map()
         return update
 
@@ -196,7 +196,7 @@ class Explorer:
         poses = [entry.pose for entry in self._slam.scans]
         obstacles = [poses[i].transform(o.reshape(-1, 2)).reshape(-1, 4) for i, o in self._obstacles]
         walls = np.vstack(obstacles) if obstacles else np.zeros((0, 4))
-        self.grid = self._mapper.draw(poses, self._looks, [np.array(t) for t in self._trails], walls)
+        self.grid = self._mapper.draw(poses, self._looks, self._trails, walls)
         self._planned_for = None
 
     def _plan(self, pose: Pose) -> SafePaths:
@@ -236,8 +236,7 @@ class Explorer:
 
     def _familiar(self) -> Callable[[float, float], float]:
         """Room of a place on the map; none where the body has not been near, for the map may miss a wall there."""
-        placed = zip(self._slam.scans, self._trails, strict=True)
-        trail = np.vstack([scan.pose.transform(np.array(points)) for scan, points in placed])
+        trail = self._mapper.trail
         paths = self._paths
 
         def room(x: float, y: float) -> float:
@@ -251,7 +250,7 @@ class Explorer:
         if not self._leg_trail or here.distance_to(self._leg_trail[-1]) >= 0.05:
             self._leg_trail.append(here)
             in_scan = self._slam.scans[-1].pose.inverse() @ here
-            self._trails[-1].append((in_scan.x, in_scan.y))
+            self._trails[-1] = np.vstack([self._trails[-1], (in_scan.x, in_scan.y)])
         return here
 
     def _remember_shut(self, report: DriveReport) -> None:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array, Pose, wrap_angle
 from sonar_explore.mapping.distance import distances
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States
@@ -244,18 +245,17 @@ class OccupancyMapper:
             x, y, heading = pose.x, pose.y, pose.heading
             clear = cut_at_walls(x, y, heading, looks[i].clear_m, barriers, own, cfg.wall_margin_m)
             self._sectors.put(i, pose, clear, looks[i].core_m)
-        for i, pose in enumerate(poses):
-            self._sectors.trail(i, pose, trails[i], self._body)
-        cleared, core = self._sectors.cleared, self._sectors.core
-        body = self._sectors.body
-        against = cfg.core_weight * core + cfg.body_weight * body
+        for i, (pose, trail) in enumerate(zip(poses, trails, strict=True)):
+            self._sectors.trail(i, pose, trail, self._body)
         bridged = np.zeros(frame.shape)
         mark_segments(frame, bridged, gaps, cfg.wall_weight)
-        support = np.maximum(wall_evidence, bridged)
-        occupied = (support > 0.0) & (support > against)
-        free = ((cleared > 0) | (core > 0) | body) & ~occupied
-        states = np.where(occupied, OCCUPIED, np.where(free, FREE, 0)).astype(np.uint8)
-        return OccupancyGrid(frame, states)
+        support = np.maximum(wall_evidence, bridged, out=bridged)
+        return OccupancyGrid(frame, self._sectors.states(support, cfg.core_weight, cfg.body_weight))
+
+    @property
+    def trail(self) -> Array:
+        """Where the body has been, as last drawn, shape (n, 2), map frame, [m]."""
+        return self._sectors.covered
 
     def _place(self, poses: Sequence[Pose], looks: Sequence[Look]) -> Mask:
         """Place what scans say that are new or stand elsewhere now; which those are, shape (n scans,)."""
@@ -325,18 +325,29 @@ def trimmed(walls: Array, points: Array, within_m: float) -> Array:
     """
     if not len(walls) or not len(points):
         return walls
-    feet = 0.5 * (walls[:, :2] + walls[:, 2:])
-    half = 0.5 * np.hypot(*(walls[:, 2:] - walls[:, :2]).T)
-    along = (walls[:, 2:] - walls[:, :2]) / np.maximum(2.0 * half, 1e-9)[:, None]
-    offset = points[None, :, :] - feet[:, None, :]
-    at = np.einsum("nmk,nk->nm", offset, along)
-    across = np.abs(offset[:, :, 0] * along[:, None, 1] - offset[:, :, 1] * along[:, None, 0])
-    on = across <= within_m
-    forward = np.where(on & (at > within_m), at, np.inf).min(axis=1)
-    backward = np.where(on & (at < -within_m), -at, np.inf).min(axis=1)
-    ends = feet + along * np.minimum(half, forward)[:, None]
-    starts = feet - along * np.minimum(half, backward)[:, None]
-    return np.hstack([starts, ends])
+    out = np.empty_like(walls)
+    _trim(walls, points, within_m, out)
+    return out
+
+
+@kernel
+def _trim(walls, points, within, out):  # type: ignore[no-untyped-def]
+    for i in range(len(walls)):
+        x, y = 0.5 * (walls[i, 0] + walls[i, 2]), 0.5 * (walls[i, 1] + walls[i, 3])
+        dx, dy = walls[i, 2] - walls[i, 0], walls[i, 3] - walls[i, 1]
+        half = 0.5 * math.hypot(dx, dy)
+        ux, uy = dx / max(2.0 * half, 1e-9), dy / max(2.0 * half, 1e-9)
+        forward = backward = half
+        for k in range(len(points)):
+            px, py = points[k, 0] - x, points[k, 1] - y
+            if abs(px * uy - py * ux) <= within:
+                at = px * ux + py * uy
+                if at > within:
+                    forward = min(forward, at)
+                elif at < -within:
+                    backward = min(backward, -at)
+        out[i, 0], out[i, 1] = x - ux * backward, y - uy * backward
+        out[i, 2], out[i, 3] = x + ux * forward, y + uy * forward
 
 
 def bridges(walls: Array, gap_m: float) -> Array:

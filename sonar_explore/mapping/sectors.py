@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array, Pose
-from sonar_explore.mapping.grid import GridFrame, Mask
+from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States
 
 Counts = NDArray[np.int32]
 _HAIR_M = 1e-9  # nearer than this to a limit the exact distance decides
@@ -85,6 +85,8 @@ class Sectors:
         if index == len(self._trails):
             self._trails.append((pose, np.zeros((0, 2))))
         before, covered = self._trails[index]
+        if before == pose and len(points) == len(covered):
+            return
         if before != pose:
             self._cover(covered, radius_m, -1)
             covered = covered[:0]
@@ -93,9 +95,16 @@ class Sectors:
         self._trails[index] = (pose, np.vstack([covered, more]))
 
     @property
-    def body(self) -> Mask:
-        """Cells that the body has covered, shape (rows, columns)."""
-        return self._body > 0
+    def covered(self) -> Array:
+        """Where the body has been, shape (n, 2), map frame, [m]."""
+        return np.vstack([points for _, points in self._trails])
+
+    def states(self, support: Array, core_weight: float, body_weight: float) -> States:
+        """Occupied where the support for a wall, shape (rows, columns), is more than what is against it; free where
+        something cleared the cell; else unknown; shape (rows, columns)."""
+        states = np.zeros(support.shape, dtype=np.uint8)
+        _decide(support, self.cleared, self.core, self._body, core_weight, body_weight, states)
+        return states
 
     def _cover(self, points: Array, radius_m: float, count: int) -> None:
         _cover(self._body, *self._at, points, radius_m - 0.5 * self._at[2], count)
@@ -112,6 +121,21 @@ class Sectors:
 def mark_segments(frame: GridFrame, evidence: Array, segments: Array, weight: float) -> None:
     """Add a weight to each cell that a segment passes, once per segment; segments in the map frame, (k, 4), [m]."""
     _mark_segments(evidence, frame.x0, frame.y0, frame.resolution_m, segments, weight)
+
+
+@kernel
+def _decide(support, cleared, core, body, core_weight, body_weight, states):  # type: ignore[no-untyped-def]
+    rows, columns = states.shape
+    for row in range(rows):
+        for column in range(columns):
+            been = body[row, column] > 0
+            against = core_weight * core[row, column]
+            if been:
+                against += body_weight
+            if support[row, column] > max(0.0, against):
+                states[row, column] = OCCUPIED
+            elif been or cleared[row, column] > 0 or core[row, column] > 0:
+                states[row, column] = FREE
 
 
 @kernel

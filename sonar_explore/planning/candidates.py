@@ -146,14 +146,22 @@ class CandidateFinder:
 
     def _spread(self, places: Array, score: Array) -> list[int]:
         """The best places, none within twice the lattice spacing of a better one while others are left."""
-        chosen: list[int] = []
-        crowd: list[int] = []
-        for i in np.lexsort((np.arange(len(score)), -score)):
-            if score[i] <= 0.0:
+        order = np.lexsort((np.arange(len(score)), -score))
+        order = order[score[order] > 0.0]
+        alone = _apart(places[order], 2.0 * self._config.spacing_m)
+        return [int(i) for i in np.concatenate([order[alone], order[~alone]])[: self._config.most]]
+
+
+@kernel
+def _apart(places, least):  # type: ignore[no-untyped-def]
+    """Which places, best first, have none of the better ones that do within a distance, shape (n,)."""
+    alone = np.ones(len(places), dtype=np.bool_)
+    for i in range(len(places)):
+        for j in range(i):
+            if alone[j] and math.hypot(places[i, 0] - places[j, 0], places[i, 1] - places[j, 1]) < least:
+                alone[i] = False
                 break
-            apart = [math.hypot(*(places[i] - places[j])) for j in chosen]
-            (chosen if not apart or min(apart) >= 2.0 * self._config.spacing_m else crowd).append(int(i))
-        return (chosen + crowd)[: self._config.most]
+    return alone
 
 
 @kernel

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import ndimage
 from skimage.measure import approximate_polygon
 
+from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array
 from sonar_explore.mapping.distance import distances
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask
@@ -69,7 +70,8 @@ class SafePaths:
             room = np.minimum(room + config.unknown_credit_m, grid.to_walls_m - 0.5 * res)
         least = body_radius_m + (config.daring_margin_m if daring else config.margin_m)
         start = grid.frame.cell(x, y)
-        cost = np.where(room >= least, _cost(room, least, config), np.inf)
+        cost = np.empty(room.shape)
+        _fill_costs(room, least, config.comfort_m, config.comfort_weight, cost)
         if room[start] < least:
             leave = _escape_zone(grid, start, config.escape_m) & (room < least)
             cost[leave] = 1.0 + 2.0 * config.comfort_weight
@@ -122,9 +124,14 @@ def _escape_zone(grid: OccupancyGrid, start: tuple[int, int], within_m: float) -
     return zone
 
 
-def _cost(room: Array, least: float, config: PlanningConfig) -> Array:
-    lack = np.clip((config.comfort_m - room) / (config.comfort_m - least), 0.0, 1.0)
-    return np.asarray(1.0 + config.comfort_weight * lack**2)
+@kernel
+def _fill_costs(room, least, comfort, weight, cost):  # type: ignore[no-untyped-def]
+    """1 in the open, the more the less room, inf where there is too little."""
+    for row in range(room.shape[0]):
+        for column in range(room.shape[1]):
+            here = room[row, column]
+            lack = min(1.0, max(0.0, (comfort - here) / (comfort - least)))
+            cost[row, column] = 1.0 + weight * (lack * lack) if here >= least else np.inf
 
 
 def straightened(path: Array, room_m: Array, frame: GridFrame, enough_m: float = 0.32) -> Array:

@@ -232,6 +232,23 @@ def test_where_the_body_has_been_moves_with_the_scan_it_was_believed_after():
     assert state(grid, 0.5, 0.0) == OCCUPIED and state(grid, 0.5, 0.4) == FREE
 
 
+@settings(max_examples=40, deadline=None)
+@given(seeds)
+def test_a_wall_ends_at_the_nearest_point_on_it_to_either_side(seed):
+    rng = np.random.default_rng(seed)
+    walls, points = rng.uniform(-1.0, 1.0, (6, 4)), rng.uniform(-1.0, 1.0, (40, 2))
+    feet, half = 0.5 * (walls[:, :2] + walls[:, 2:]), 0.5 * np.hypot(*(walls[:, 2:] - walls[:, :2]).T)
+    along = 0.5 * (walls[:, 2:] - walls[:, :2]) / half[:, None]
+    offset = points[None] - feet[:, None]
+    at = (offset * along[:, None]).sum(axis=2)
+    across = offset[:, :, 0] * along[:, None, 1] - offset[:, :, 1] * along[:, None, 0]
+    on = np.abs(across) <= CONFIG.trim_m
+    for sign, ends in ((1.0, slice(2, 4)), (-1.0, slice(0, 2))):
+        reach = np.where(on & (sign * at > CONFIG.trim_m), sign * at, np.inf).min(axis=1)
+        expected = feet + sign * along * np.minimum(half, reach)[:, None]
+        assert trimmed(walls, points, CONFIG.trim_m)[:, ends] == pytest.approx(expected)
+
+
 @settings(max_examples=8, deadline=None)
 @given(seeds)
 def test_redrawing_from_scratch_gives_the_grid_that_was_drawn_scan_by_scan(seed):
