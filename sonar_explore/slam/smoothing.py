@@ -66,7 +66,8 @@ class Smoother:
         self.wheels: Array = np.zeros(2)
         """Turn error and bend [rad/m]."""
         self._lines: dict[int, Array] = {}
-        self._motions: list[Motion] = []
+        self._motions: list[tuple[Array, Array, Array]] = []
+        """What whitens each motion, its change and its derivative by the wheels."""
         self._sightings: list[Sighting] = []
         self._factor: SuperLU | None = None
 
@@ -74,7 +75,8 @@ class Smoother:
         """A new scan, first guessed here; `motion` from the scan before, None for the first."""
         self.poses = np.vstack([self.poses, [pose.x, pose.y, pose.heading]])
         if motion is not None:
-            self._motions.append(motion)
+            white = np.linalg.inv(np.linalg.cholesky(motion.covariance))
+            self._motions.append((white, motion.change, motion.by_wheels))
 
     def add_sighting(self, sighting: Sighting) -> None:
         """A feature on a chain; the first one of a chain makes its line."""
@@ -145,25 +147,24 @@ class Smoother:
 
     def _odometry(self, size: int) -> tuple[sparse.csr_matrix, Array]:
         m = len(self._motions)
-        rows, columns, values, residuals = [], [], [], []
-        for i, motion in enumerate(self._motions):
-            white = np.linalg.inv(np.linalg.cholesky(motion.covariance))
-            here, there = self.poses[i], self.poses[i + 1]
-            c, s = math.cos(here[2]), math.sin(here[2])
-            back = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-            moved = back @ (there - here)
-            by_here = -back
-            by_here[0, 2], by_here[1, 2] = moved[1], -moved[0]
-            jacobian = white @ np.hstack([by_here, back, -motion.by_wheels])
-            residuals.append(white @ (moved - motion.change - motion.by_wheels @ self.wheels))
-            column = np.concatenate([np.arange(3 * i, 3 * i + 6), [size - 2, size - 1]])
-            rows.append(np.repeat(np.arange(3 * i, 3 * i + 3), 8))
-            columns.append(np.tile(column, 3))
-            values.append(jacobian.ravel())
         if not m:
             return sparse.csr_matrix((0, size)), np.zeros(0)
-        at = (np.concatenate(rows), np.concatenate(columns))
-        return sparse.csr_matrix((np.concatenate(values), at), shape=(3 * m, size)), np.concatenate(residuals)
+        white, change, by_wheels = (np.stack(parts) for parts in zip(*self._motions, strict=True))
+        here, there = self.poses[:m], self.poses[1 : m + 1]
+        c, s = np.cos(here[:, 2]), np.sin(here[:, 2])
+        back = np.zeros((m, 3, 3))
+        back[:, 0, 0], back[:, 0, 1], back[:, 1, 0], back[:, 1, 1], back[:, 2, 2] = c, s, -s, c, 1.0
+        moved = (back @ (there - here)[:, :, None])[:, :, 0]
+        by_here = -back
+        by_here[:, 0, 2], by_here[:, 1, 2] = moved[:, 1], -moved[:, 0]
+        jacobian = white @ np.concatenate([by_here, back, -by_wheels], axis=2)
+        residual = white @ (moved - change - by_wheels @ self.wheels)[:, :, None]
+        columns = np.empty((m, 3, 8), dtype=np.intp)
+        columns[:, :, :6] = (3 * np.arange(m)[:, None] + np.arange(6))[:, None, :]
+        columns[:, :, 6:] = size - 2, size - 1
+        starts = 8 * np.arange(3 * m + 1)
+        matrix = sparse.csr_matrix((jacobian.ravel(), columns.ravel(), starts), shape=(3 * m, size))
+        return matrix, residual.ravel()
 
     def _sighted(
         self, stack: _Stack, lines: Array, size: int, robust: Robust
