@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,11 +16,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from sonar_explore.errors import SonarExploreError
+from sonar_explore.replay.commands import replay
 from sonar_explore.studies.commands import STUDY_COMMANDS
 
 if TYPE_CHECKING:
     from sonar_explore.config import ExplorationConfig
     from sonar_explore.episodes.record import EpisodeRecord, StepRecord
+    from sonar_explore.replay.log import Recorder
 
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130  # what shells report for Ctrl-C
@@ -121,6 +123,14 @@ def commands(ctx: click.Context) -> None:
     show_default=True,
     help="A full turn with one sonar, or a short one with all.",
 )
+@click.option(
+    "--sensor",
+    type=click.Choice(("amigobot", "nxt")),
+    default="amigobot",
+    show_default=True,
+    help="The AmigoBot's sonar, or a cheap one.",
+)
+@click.option("--log", type=click.Path(path_type=Path), help="Keep what was measured, for `replay`.")
 def run(
     world: str,
     agent: str,
@@ -131,14 +141,17 @@ def run(
     as_json: bool,
     max_scans: int | None,
     scan: str,
+    sensor: str,
+    log: Path | None,
 ) -> None:
     """Explore WORLD, a name or a world file, and report on it."""
     from sonar_explore.episodes.files import save_record, writable_folder
 
     folder = out or default_folder(world, agent, slam, noise, seed, scan)
     with writable_folder(folder):
-        config = _config(max_scans, scan)
-        record = _explore(world, agent, slam, noise, seed, config, quiet=as_json)
+        config = _config(max_scans, scan, sensor)
+        with _recorder(log, sensor) as recorder:
+            record = _explore(world, agent, slam, noise, seed, config, recorder, quiet=as_json)
         save_record(record, folder / "episode.json")
         report_file = folder / "report.html"
         _report(record, report_file)
@@ -224,7 +237,7 @@ def report(episode: Path, out: Path | None) -> None:
     click.echo(f"report: {page}")
 
 
-for _command in STUDY_COMMANDS:
+for _command in (*STUDY_COMMANDS, replay):
     commands.add_command(_command)
 
 
@@ -236,21 +249,47 @@ def default_folder(world: str, agent: str, slam: str, noise: str, seed: int, sca
 
 
 def _explore(
-    world: str, agent: str, slam: str, noise: str, seed: int, config: ExplorationConfig | None, *, quiet: bool
+    world: str,
+    agent: str,
+    slam: str,
+    noise: str,
+    seed: int,
+    config: ExplorationConfig | None,
+    recorder: Recorder | None,
+    *,
+    quiet: bool,
 ) -> EpisodeRecord:
     from sonar_explore.episodes.run import run_episode
 
+    extra: dict[str, Any] = {} if recorder is None else {"recorder": recorder}
     with _progress(quiet) as on_step:
-        return run_episode(world, agent, slam, noise, seed, config=config, on_step=on_step)
+        return run_episode(world, agent, slam, noise, seed, config=config, on_step=on_step, **extra)
 
 
-def _config(max_scans: int | None, scan: str) -> ExplorationConfig | None:
+@contextmanager
+def _recorder(log: Path | None, sensor: str) -> Iterator[Recorder | None]:
+    """Notes down what is measured, and writes it once the run is over; None where nobody wants it."""
+    if log is None:
+        yield None
+        return
+    from sonar_explore.episodes.files import writable_folder
+    from sonar_explore.replay.files import write_log
+    from sonar_explore.replay.log import Recorder
+
+    recorder = Recorder(sensor)
+    with writable_folder(log.parent):
+        yield recorder
+        write_log(recorder.log, log)
+
+
+def _config(max_scans: int | None, scan: str, sensor: str) -> ExplorationConfig | None:
     """The runner's configuration, None for its defaults."""
-    if max_scans is None and scan == "turn":
+    if (max_scans, scan, sensor) == (None, "turn", "amigobot"):
         return None
     from sonar_explore.config import ExplorationConfig
 
     config = ExplorationConfig(scan=scan)
+    config = config if sensor == "amigobot" else config.with_sensor(sensor)
     return config if max_scans is None else replace(config, max_scans=max_scans)
 
 

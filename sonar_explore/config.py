@@ -11,6 +11,7 @@ from sonar_explore.mapping.occupancy import MappingConfig
 from sonar_explore.planning.candidates import CandidateConfig
 from sonar_explore.planning.driving import DrivingConfig
 from sonar_explore.planning.paths import PlanningConfig
+from sonar_explore.sensors import sensor_preset
 from sonar_explore.slam import SlamConfig
 
 SCANS = ("turn", "ring")
@@ -36,6 +37,17 @@ class ExplorationConfig:
     def __post_init__(self) -> None:
         if self.scan not in SCANS:
             raise unknown_name("scan", self.scan, SCANS)
+
+    def with_sensor(self, name: str) -> ExplorationConfig:
+        """The same robot with another sonar (`sonar_explore.sensors`), and SLAM told of it."""
+        sensor = sensor_preset(name)
+        simulator = replace(
+            self.simulator,
+            robot=replace(self.simulator.robot, range_max_m=sensor.sonar.range_max_m),
+            sonar=sensor.sonar,
+            scan_step_rad=sensor.scan_step_rad,
+        )
+        return replace(self, simulator=simulator, slam=sensor.slam)
 
     def with_noise(self, preset: str) -> ExplorationConfig:
         """The same with the odometry errors of a preset."""

@@ -48,12 +48,13 @@ def test_what_is_farther_is_heard_less_widely_and_an_edge_less_than_a_plane(a, b
     assert BEAM.edge_half_angle_rad(far) < BEAM.plane_half_angle_rad(far)
 
 
+@pytest.mark.parametrize("beam", [BEAM, Beam(0.2, 0.2), Beam(0.43, 0.19)])
 @pytest.mark.parametrize("range_m", PLANES)
-def test_the_simulator_hears_a_plane_just_inside_the_half_angle_and_not_just_outside(range_m):
+def test_the_simulator_hears_a_plane_just_inside_the_half_angle_and_not_just_outside(range_m, beam):
     wall = np.array([[range_m, -30.0, range_m, 30.0]])
     world = World("plane", "A plane", wall, np.zeros(1), np.zeros((0, 3)), Pose(0.0, 0.0, 0.0), False)
-    sonar = SonarPhysics()
-    half, little = BEAM.plane_half_angle_rad(range_m), math.radians(0.1)
+    sonar = SonarPhysics(beam=beam)
+    half, little = beam.plane_half_angle_rad(range_m), math.radians(0.1)
     discs = np.array([[0.0, 0.0, side * (half + off)] for off in (-little, little) for side in (-1, 1)])
     heard, _ = echoes(Scene.of(world, sonar.range_max_m), discs, sonar)
     assert heard[:2] == pytest.approx(range_m)

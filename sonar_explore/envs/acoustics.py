@@ -10,12 +10,14 @@ Durrant-Whyte 1992; ray following with a detection threshold after Wilkes, Dudek
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.envs.pings import CORNER, CYLINDER, EDGE, GHOST, NOTHING, PLANE, ROUGH, fire_all
+from sonar_explore.beam import Beam
+from sonar_explore.envs.pings import CORNER, CYLINDER, EDGE, GHOST, NOTHING, PLANE, ROUGH, beam_numbers, fire_all
 from sonar_explore.envs.scene import Scene
 from sonar_explore.geometry import Array
 
@@ -29,6 +31,7 @@ __all__ = [
     "ROUGH",
     "SonarPhysics",
     "echoes",
+    "hearing",
     "measured",
     "measured_once",
     "temperature_scale",
@@ -39,6 +42,10 @@ __all__ = [
 class SonarPhysics:
     """What is not geometry: mirrors, noise and faults of a ping."""
 
+    beam: Beam = field(default_factory=Beam)
+    """What is heard how widely."""
+    roughness: float = 0.0
+    """Least diffuse share of any wall's echo, 0 to 1; worlds may have rougher ones."""
     range_max_m: float = 5.0
     """Reported where nothing is heard, [m]."""
     ghost_order: int = 3
@@ -70,9 +77,13 @@ def echoes(scene: Scene, discs: Array, physics: SonarPhysics) -> tuple[Array, ND
     """
     ranges = np.empty(len(discs))
     kinds = np.empty(len(discs), dtype=np.int64)
-    mirrors = (physics.ghost_order - 1, physics.bounce_loss, physics.range_max_m)
-    fire_all(*(discs, *scene.arrays, *scene.scratch, *mirrors, ranges, kinds))
+    fire_all(*(discs, *scene.arrays, *scene.scratch, *hearing(physics), ranges, kinds))
     return ranges, kinds
+
+
+def hearing(physics: SonarPhysics) -> tuple[Any, ...]:
+    """Mirrors, what each leaves, the range and the beam, as the kernels take them."""
+    return physics.ghost_order - 1, physics.bounce_loss, physics.range_max_m, beam_numbers(physics.beam)
 
 
 def measured(ranges: Array, scale: float, physics: SonarPhysics, rng: np.random.Generator) -> Array:

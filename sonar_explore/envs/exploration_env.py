@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
@@ -20,6 +21,7 @@ from sonar_explore.errors import SonarExploreError
 from sonar_explore.explorer import Explorer, Situation, Trip
 from sonar_explore.geometry import Pose, wrap_angle
 from sonar_explore.mapping.grid import GridFrame, window
+from sonar_explore.robot import Robot
 from sonar_explore.slam import ScanUpdate, make_slam
 
 Observation = dict[str, Any]
@@ -126,6 +128,8 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
                 "action_mask": spaces.Box(0, 1, (max_candidates,), np.int8),
             }
         )
+        self.overhear: Callable[[Robot], Robot] = lambda robot: robot
+        """What stands between robot and mind from the next reset on: a recorder of measurements."""
         self.situation: Situation
         """What a scripted policy decides from."""
         self.update: ScanUpdate
@@ -143,7 +147,8 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
         self.simulator.reset(self.np_random)
         self.slam = make_slam(self.slam_name, self.world.start, self.config.slam)
         known_pose = (lambda: self.simulator.true_pose) if self.slam_name == "truth" else None
-        self.explorer = Explorer(self.simulator, self.slam, self.config, known_pose)
+        robot = self.overhear(self.simulator)
+        self.explorer = Explorer(robot, self.slam, self.config, known_pose)
         self.scorer.reset()
         self.scans = 0
         self.trip = None

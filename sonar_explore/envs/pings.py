@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from sonar_explore.beam import EDGE_STRENGTH, S_RAD, THRESHOLD
+from sonar_explore.beam import S_RAD, Beam
 from sonar_explore.compiled import inner_kernel
 
 NOTHING, PLANE, CORNER, EDGE, CYLINDER, ROUGH = 0, 1, 2, 3, 4, 5
@@ -33,11 +33,9 @@ RIGHT_CORNER, CONVEX_EDGE = 1.0, 2.0  # kinds of wedge
 GHOST = 10
 """Added to the kind of source, once per mirror, for an echo heard by way of mirrors."""
 
-_COS_WIDEST = math.cos(
-    math.radians(20.0)
-)  # nothing nearer than 2 cm is asked for: no echo is heard beyond this
-_WIDEST_SQUARED = math.radians(20.0) ** 2
-_FAN_RAD = tuple(math.radians(d) for d in (0.0, -4.0, 4.0, -8.0, 8.0))
+_NEAREST_M = 0.02  # nothing nearer is asked for
+_WIDEST_RAD = math.radians(80.0)
+_FAN_RAD = tuple(math.radians(d) for d in (0.0, -4.0, 4.0, -8.0, 8.0))  # of the AmigoBot's beam
 _TOGETHER_M = 0.5  # discs in a box of this size share their views
 _EPS_M = 1e-5  # margin of every test that leaves something out: rounding is a millionth of it
 _BINS = 72
@@ -46,6 +44,10 @@ _CELLS = 4  # of 1 m, that a box of this size may touch
 _VIEWS = 256
 _LISTS = 11
 _HIDING = 4096  # places for the lists of what could hide a source
+
+# A beam as the kernels take it: S [rad], THRESHOLD and EDGE strength of `Beam`, COS and SQUARE [rad^2] of an angle
+# beyond which nothing is heard, and how much wider than the AmigoBot's its FAN is.
+_S, _THRESHOLD, _EDGE, _COS_WIDEST, _SQUARE_WIDEST, _FAN = range(6)
 
 # A source in a view: BX BY mean bearing, COS of the widest angle off it, NEAREST range [m], and the squares of
 # sine and tangent between which loudness must be computed: above MUTE none is heard, below LOUD all are.
@@ -205,10 +207,10 @@ def _through(vx, vy, sx, sy, slack, mirror_1, mirror_2, walls):  # type: ignore[
 
 
 @inner_kernel
-def _amplitude(what, r, gain, i, wedges, cylinders):  # type: ignore[no-untyped-def]
+def _amplitude(what, r, gain, i, wedges, cylinders, beam):  # type: ignore[no-untyped-def]
     """On the axis, of a plane, a wedge or a column at range r."""
     if what == _WEDGE and wedges[i, 4] != RIGHT_CORNER:
-        return gain * EDGE_STRENGTH * r**-1.5
+        return gain * beam[_EDGE] * r**-1.5
     if what == _COLUMN:
         radius = cylinders[i, 2]
         return gain / r * math.sqrt(radius / (radius + r))
@@ -216,7 +218,7 @@ def _amplitude(what, r, gain, i, wedges, cylinders):  # type: ignore[no-untyped-
 
 
 @inner_kernel
-def _put(source, place, what, i, dx, dy, off, spread, rho, gain, range_max, wedges, cylinders):  # type: ignore[no-untyped-def]
+def _put(source, place, what, i, dx, dy, off, spread, rho, gain, range_max, wedges, cylinders, beam):  # type: ignore[no-untyped-def]
     """Fill in a source seen at (dx, dy) from the middle of a view; False where no ping of the view can hear it.
 
     `off` is what its range is shorter than that distance, `spread` how far the bearing's vector may be off, both [m].
@@ -225,20 +227,20 @@ def _put(source, place, what, i, dx, dy, off, spread, rho, gain, range_max, wedg
     nearest = max(distance - off - rho, 1e-6)
     if nearest >= range_max:
         return False
-    loudest = _amplitude(what, nearest, gain, i, wedges, cylinders)
-    if loudest < THRESHOLD * (1.0 - 1e-9):
+    loudest = _amplitude(what, nearest, gain, i, wedges, cylinders, beam)
+    if loudest < beam[_THRESHOLD] * (1.0 - 1e-9):
         return False
     least = _amplitude(
-        what, distance + rho, gain, i, wedges, cylinders
+        what, distance + rho, gain, i, wedges, cylinders, beam
     )  # farther than any: the softest it can be
-    mute = S_RAD * S_RAD * math.log(loudest / THRESHOLD) * (1.0 + 1e-9) + 1e-9
+    mute = beam[_S] * beam[_S] * math.log(loudest / beam[_THRESHOLD]) * (1.0 + 1e-9) + 1e-9
     source[place, _MUTE] = mute
-    source[place, _LOUD] = S_RAD * S_RAD * math.log(least / THRESHOLD) * (1.0 - 1e-9) - 1e-9
+    source[place, _LOUD] = beam[_S] * beam[_S] * math.log(least / beam[_THRESHOLD]) * (1.0 - 1e-9) - 1e-9
     source[place, _NEAREST] = nearest
     if distance <= 2.0 * rho + spread + _EPS_M:
         source[place, _BX], source[place, _BY], source[place, _COS] = 1.0, 0.0, -2.0
     else:
-        half = math.sqrt(min(mute, _WIDEST_SQUARED)) + 1e-6
+        half = math.sqrt(min(mute, beam[_SQUARE_WIDEST])) + 1e-6
         k = spread / distance
         source[place, _BX], source[place, _BY] = dx / distance, dy / distance
         source[place, _COS] = (1.0 - 0.5 * half * half) * math.sqrt(1.0 - k * k) - half * k - 1e-9
@@ -261,13 +263,13 @@ def _opens(wedges, i, dx, dy, rho):  # type: ignore[no-untyped-def]
 
 
 @inner_kernel
-def _view(vx, vy, rho, gain, mirror_1, mirror_2, range_max, world, near, source, ids, n):  # type: ignore[no-untyped-def]
+def _view(vx, vy, rho, gain, mirror_1, mirror_2, range_max, world, near, source, ids, n, beam):  # type: ignore[no-untyped-def]
     """The sources that a ping from within rho of v may hear by way of the mirrors, from row n on: how many in all."""
     walls, wedges, cylinders = world
     near_walls, near_wedges, near_cylinders = near
     last_mirror = mirror_2 if mirror_2 >= 0 else mirror_1
     slack = rho + _EPS_M
-    edge_reach = min(range_max, (gain * EDGE_STRENGTH / THRESHOLD) ** (2.0 / 3.0)) + slack
+    edge_reach = min(range_max, (gain * beam[_EDGE] / beam[_THRESHOLD]) ** (2.0 / 3.0)) + slack
     for i in near_walls:
         if i == last_mirror:
             continue
@@ -289,7 +291,7 @@ def _view(vx, vy, rho, gain, mirror_1, mirror_2, range_max, world, near, source,
         t = dot / squared
         sx, sy = ax + t * ex, ay + t * ey
         if _through(vx, vy, sx, sy, slack, mirror_1, mirror_2, walls) and _put(
-            source, n, _WALL, i, sx - vx, sy - vy, 0.0, 1e-6, slack, gain, range_max, wedges, cylinders
+            source, n, _WALL, i, sx - vx, sy - vy, 0.0, 1e-6, slack, gain, range_max, wedges, cylinders, beam
         ):
             n += 1
     for i in near_wedges:
@@ -299,7 +301,7 @@ def _view(vx, vy, rho, gain, mirror_1, mirror_2, range_max, world, near, source,
             continue
         if not _through(vx, vy, wedges[i, 0], wedges[i, 1], slack, mirror_1, mirror_2, walls):
             continue
-        if not _put(source, n, _WEDGE, i, dx, dy, 0.0, slack, slack, gain, range_max, wedges, cylinders):
+        if not _put(source, n, _WEDGE, i, dx, dy, 0.0, slack, slack, gain, range_max, wedges, cylinders, beam):
             continue
         opens = _opens(wedges, i, dx, dy, slack)
         if opens >= 0:
@@ -309,7 +311,7 @@ def _view(vx, vy, rho, gain, mirror_1, mirror_2, range_max, world, near, source,
         ids[n, _WHAT], ids[n, _WHICH], ids[n, _OPENS] = _COLUMN, i, 0
         cx, cy, radius = cylinders[i, 0], cylinders[i, 1], cylinders[i, 2]
         if _through(vx, vy, cx, cy, slack, mirror_1, mirror_2, walls) and _put(
-            source, n, _COLUMN, i, cx - vx, cy - vy, radius, slack, slack, gain, range_max, wedges, cylinders
+            source, n, _COLUMN, i, cx - vx, cy - vy, radius, slack, slack, gain, range_max, wedges, cylinders, beam
         ):
             n += 1
     return n
@@ -385,7 +387,7 @@ def _hidden_by(vx, vy, rho, world, near, source, ids, n, hiding):  # type: ignor
 
 
 @inner_kernel
-def _heard(on_axis, along, across, mute, loud):  # type: ignore[no-untyped-def]
+def _heard(on_axis, along, across, mute, loud, beam):  # type: ignore[no-untyped-def]
     """Whether a source with this amplitude on the axis is above the threshold where it lies.
 
     sin^2 <= theta^2 <= tan^2: where either already tells, no angle is computed.
@@ -396,11 +398,11 @@ def _heard(on_axis, along, across, mute, loud):  # type: ignore[no-untyped-def]
     if aa < loud * cc:
         return True
     theta = math.atan2(across, along)
-    return on_axis * math.exp(-(theta * theta) / (S_RAD * S_RAD)) >= THRESHOLD
+    return on_axis * math.exp(-(theta * theta) / (beam[_S] * beam[_S])) >= beam[_THRESHOLD]
 
 
 @inner_kernel
-def _echo(what, i, opens, qx, qy, c, s, gain, best, mute, loud, walls, wedges, cylinders):  # type: ignore[no-untyped-def]
+def _echo(what, i, opens, qx, qy, c, s, gain, best, mute, loud, walls, wedges, cylinders, beam):  # type: ignore[no-untyped-def]
     """Range [m] at which q hears source i in a beam along (c, s), -1 where not or not nearer than `best`; its place."""
     sx, sy, r, along, on_axis = 0.0, 0.0, -1.0, 0.0, 0.0
     if what == _WALL:
@@ -413,7 +415,7 @@ def _echo(what, i, opens, qx, qy, c, s, gain, best, mute, loud, walls, wedges, c
         dx, dy = sx - qx, sy - qy
         r = math.hypot(dx, dy)
         along = c * dx + s * dy
-        if r <= 1e-6 or r >= best or along < _COS_WIDEST * r:
+        if r <= 1e-6 or r >= best or along < beam[_COS_WIDEST] * r:
             return -1.0, sx, sy
         on_axis = gain / r
     elif what == _ROUGH_WALL:
@@ -423,28 +425,28 @@ def _echo(what, i, opens, qx, qy, c, s, gain, best, mute, loud, walls, wedges, c
             return -1.0, sx, sy
         ex, ey = bx - ax, by - ay
         cos_incidence = abs(c * ey - s * ex) / math.hypot(ex, ey)
-        loud_enough = gain * walls[i, 4] * cos_incidence / r >= THRESHOLD
+        loud_enough = gain * walls[i, 4] * cos_incidence / r >= beam[_THRESHOLD]
         return r if loud_enough else -1.0, qx + r * c, qy + r * s
     elif what == _WEDGE:
         sx, sy = wedges[i, 0], wedges[i, 1]
         dx, dy = sx - qx, sy - qy
         r = math.hypot(dx, dy)
         along = c * dx + s * dy
-        if r < 1e-6 or r >= best or along < _COS_WIDEST * r:
+        if r < 1e-6 or r >= best or along < beam[_COS_WIDEST] * r:
             return -1.0, sx, sy
         if opens == 0 and (math.atan2(-dy, -dx) - wedges[i, 2]) % (2.0 * math.pi) > wedges[i, 3]:
             return -1.0, sx, sy
-        on_axis = _amplitude(what, r, gain, i, wedges, cylinders)
+        on_axis = _amplitude(what, r, gain, i, wedges, cylinders, beam)
     else:
         dx, dy = cylinders[i, 0] - qx, cylinders[i, 1] - qy
         centre = math.hypot(dx, dy)
         r = centre - cylinders[i, 2]
         along = c * dx + s * dy
-        if r < 1e-6 or r >= best or along < _COS_WIDEST * centre:
+        if r < 1e-6 or r >= best or along < beam[_COS_WIDEST] * centre:
             return -1.0, sx, sy
         sx, sy = qx + dx * r / centre, qy + dy * r / centre
-        on_axis = _amplitude(what, r, gain, i, wedges, cylinders)
-    return r if _heard(on_axis, along, c * dy - s * dx, mute, loud) else -1.0, sx, sy
+        on_axis = _amplitude(what, r, gain, i, wedges, cylinders, beam)
+    return r if _heard(on_axis, along, c * dy - s * dx, mute, loud, beam) else -1.0, sx, sy
 
 
 @inner_kernel
@@ -476,6 +478,7 @@ def _nearest_source(  # type: ignore[no-untyped-def]
     first,
     last,
     hiding,
+    beam,
 ):
     """Nearest of a view's sources above the threshold as seen from q, the sonar p or its image: range [m] and kind.
 
@@ -503,6 +506,7 @@ def _nearest_source(  # type: ignore[no-untyped-def]
             walls,
             wedges,
             cylinders,
+            beam,
         )
         if r < 0.0:
             continue
@@ -639,6 +643,7 @@ def fire_all(  # type: ignore[no-untyped-def]
     mirrors,
     loss,
     range_max,
+    beam,
     ranges,
     kinds,
 ):
@@ -657,7 +662,7 @@ def fire_all(  # type: ignore[no-untyped-def]
         near_wedges = lists[4, : _near(cells, n_cells, wedge_first, wedge_items, lists[4], lists[6])]
         near_cylinders = lists[5, : _near(cells, n_cells, cylinder_first, cylinder_items, lists[5], lists[6])]
         near = (near_walls, near_wedges, near_cylinders)
-        seen = _view(vx, vy, rho, 1.0, _NONE, _NONE, range_max, world, near, source, ids, 0)
+        seen = _view(vx, vy, rho, 1.0, _NONE, _NONE, range_max, world, near, source, ids, 0, beam)
         if stop - start > 3:  # for few pings the lists do not pay
             seen = _hidden_by(vx, vy, rho, world, near, source, ids, seen, hiding)
         else:
@@ -687,6 +692,7 @@ def fire_all(  # type: ignore[no-untyped-def]
                 0,
                 seen,
                 hiding,
+                beam,
             )
             ranges[n], kinds[n] = r, k
             silent += k == NOTHING
@@ -710,6 +716,7 @@ def fire_all(  # type: ignore[no-untyped-def]
                 ids,
                 lists,
                 views,
+                beam,
                 ranges,
                 kinds,
             )
@@ -735,6 +742,7 @@ def _ghosts(  # type: ignore[no-untyped-def]
     ids,
     lists,
     views,
+    beam,
     ranges,
     kinds,
 ):
@@ -754,7 +762,7 @@ def _ghosts(  # type: ignore[no-untyped-def]
         best, kind = range_max, NOTHING
         seen_1, seen_2 = -1, -1
         for offset in _FAN_RAD:
-            bearing = heading + offset
+            bearing = heading + beam[_FAN] * offset
             c, s = math.cos(bearing), math.sin(bearing)
             if binned:
                 b = int(math.floor(bearing / (2.0 * math.pi / _BINS))) % _BINS
@@ -799,7 +807,7 @@ def _ghosts(  # type: ignore[no-untyped-def]
                     if w2 < 0:
                         break
                 view, known = _view_by(
-                    w1, w2, vx, vy, rho, loss, range_max, world, near, source, ids, views, known, room
+                    w1, w2, vx, vy, rho, loss, range_max, world, near, source, ids, views, known, room, beam
                 )
                 first, last = views[view + 2], views[view + 3]
                 if first == last:
@@ -830,6 +838,7 @@ def _ghosts(  # type: ignore[no-untyped-def]
                     first,
                     last,
                     hiding,
+                    beam,
                 )
                 if k != NOTHING:
                     best, kind = r, k + mirror_count * GHOST
@@ -837,7 +846,7 @@ def _ghosts(  # type: ignore[no-untyped-def]
 
 
 @inner_kernel
-def _view_by(w1, w2, vx, vy, rho, loss, range_max, world, near, source, ids, views, known, room):  # type: ignore[no-untyped-def]
+def _view_by(w1, w2, vx, vy, rho, loss, range_max, world, near, source, ids, views, known, room, beam):  # type: ignore[no-untyped-def]
     """The view by way of these mirrors, made at its first use: where it stands in `views`, and how many stand there.
 
     Four numbers each: the mirrors, the first source, the end.
@@ -854,7 +863,7 @@ def _view_by(w1, w2, vx, vy, rho, loss, range_max, world, near, source, ids, vie
     if w2 >= 0:
         qx, qy = _mirror(qx, qy, walls, w2)
         gain *= gain
-    last = _view(qx, qy, rho, gain, w1, w2, range_max, world, near, source, ids, first)
+    last = _view(qx, qy, rho, gain, w1, w2, range_max, world, near, source, ids, first, beam)
     k = 4 * known
     views[k], views[k + 1], views[k + 2], views[k + 3] = w1, w2, first, last
     return k, known + 1
@@ -868,6 +877,13 @@ def turned_discs(x, y, headings, mount_x, mount_y, mount_heading, discs):  # typ
         discs[n, 0] = x + c * mount_x - s * mount_y
         discs[n, 1] = y + s * mount_x + c * mount_y
         discs[n, 2] = headings[n] + mount_heading
+
+
+def beam_numbers(beam: Beam) -> tuple[float, ...]:
+    """A beam as the kernels take it."""
+    widest = min(_WIDEST_RAD, max(math.radians(20.0), beam.half_angle_rad(1.0 / _NEAREST_M)))
+    fan = beam.s_rad / S_RAD
+    return beam.s_rad, beam.threshold, beam.edge_strength, math.cos(widest), widest**2, fan
 
 
 def scratch(counts: Sequence[int], busiest: Sequence[int]) -> tuple[Any, ...]:

@@ -49,9 +49,9 @@ class Scene:
         return (self.walls, self.wedges, self.cylinders, *self.index, self.frame)
 
     @staticmethod
-    def of(world: World, reach_m: float) -> Scene:
-        """Prepare a world for pings that hear up to `reach_m` away."""
-        walls = _cut_where_they_meet(world.walls, world.roughness)
+    def of(world: World, reach_m: float, roughness: float = 0.0) -> Scene:
+        """Prepare a world for pings that hear up to `reach_m` away; walls are at least this rough."""
+        walls = _cut_where_they_meet(world.walls, np.maximum(world.roughness, roughness))
         wedges = _wedges(walls)
         cylinders = np.asarray(world.cylinders, dtype=float).reshape(-1, 3)
         frame, cells = _cells(walls, cylinders, reach_m)

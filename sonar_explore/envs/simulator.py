@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sonar_explore.amigobot import AmigoBot
-from sonar_explore.envs.acoustics import SonarPhysics, echoes, measured, measured_once, temperature_scale
+from sonar_explore.envs.acoustics import SonarPhysics, echoes, hearing, measured, measured_once, temperature_scale
 from sonar_explore.envs.odometry import OdometryError, OdometryNoise, running_sum
 from sonar_explore.envs.pings import turned_discs
 from sonar_explore.envs.scene import Scene
@@ -38,10 +38,9 @@ class Simulator:
     def __init__(self, world: World, config: SimulatorConfig, rng: np.random.Generator) -> None:
         self.world = world
         self.config = config
-        self._scene = Scene.of(world, config.sonar.range_max_m)
         sonar = config.sonar
-        mirrors = (sonar.ghost_order - 1, sonar.bounce_loss, sonar.range_max_m)
-        self._hearing = (*self._scene.arrays, *self._scene.scratch, *mirrors, np.empty(1, dtype=np.int64))
+        self._scene = Scene.of(world, sonar.range_max_m, sonar.roughness)
+        self._hearing = (*self._scene.arrays, *self._scene.scratch, *hearing(sonar), np.empty(1, dtype=np.int64))
         self._mounts = [(disc.x, disc.y, disc.heading) for disc in config.robot.sonars]
         self.reset(rng)
 

@@ -39,6 +39,7 @@ def drive_and_fire(  # type: ignore[no-untyped-def]
     mirrors,
     loss,
     range_max,
+    beam,
     kinds,
 ):
     """Move `state` on: the odometry records what was asked, the truth does what the wheels make of it.
@@ -77,6 +78,7 @@ def drive_and_fire(  # type: ignore[no-untyped-def]
         mirrors,
         loss,
         range_max,
+        beam,
         outcome[0:1],
         kinds,
     )

@@ -39,6 +39,7 @@ from sonar_explore.errors import SonarExploreError
 from sonar_explore.explorer import Situation, Trip
 from sonar_explore.geometry import Pose
 from sonar_explore.mapping.occupancy import OccupancyGrid
+from sonar_explore.replay.log import Recorder
 from sonar_explore.slam import ScanUpdate
 
 MAX_SEED = 2**32 - 1
@@ -53,6 +54,7 @@ def run_episode(
     *,
     config: ExplorationConfig | None = None,
     on_step: Callable[[StepRecord], None] = lambda step: None,
+    recorder: Recorder | None = None,
 ) -> EpisodeRecord:
     """Explore a world once.
 
@@ -64,6 +66,7 @@ def run_episode(
         seed: fixes everything but the wall time.
         config: every other choice.
         on_step: called with each step as it is made.
+        recorder: notes down what the robot measures, for a replay.
 
     Raises:
         SonarExploreError: for an unknown name, a bad world, or a policy that chooses what is not there.
@@ -73,6 +76,7 @@ def run_episode(
     began = time.perf_counter()
     policy = make_agent(agent) if isinstance(agent, str) else agent
     env = ExplorationEnv(world, slam, noise, config)
+    env.overhear = recorder.of if recorder is not None else env.overhear
     env.reset(seed=seed)
     if hasattr(policy, "reset"):
         policy.reset(seed)
@@ -87,6 +91,9 @@ def run_episode(
         "slam": slam,
         "noise": noise_name(env.config.simulator.noise) if noise is None else noise,
     }
+    if recorder is not None:
+        about = f"{env.world.name}, seed {seed}, noise {names['noise']}"
+        recorder.close(about, env.world.start, [Pose(*step.true_pose) for step in log.steps])
     summary = log.summary(seed=seed, wall_time_s=round(time.perf_counter() - began, 3), **names)
     return EpisodeRecord(
         version=__version__,

@@ -79,4 +79,14 @@ def sensitivity(**choices: Any) -> None:
     run_sensitivity(Choices(**choices))
 
 
-STUDY_COMMANDS = (reproduce, ablation, sensitivity)
+@click.command("ring-scan")
+@_options("ring-scan", seeds=5)
+def ring_scan(**choices: Any) -> None:
+    """Compare the ring scan with the paper's: success, accuracy and time."""
+    from sonar_explore.studies.ring_scan import run_ring_scan
+    from sonar_explore.studies.study import Choices
+
+    run_ring_scan(Choices(**choices))
+
+
+STUDY_COMMANDS = (reproduce, ablation, sensitivity, ring_scan)

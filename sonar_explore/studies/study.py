@@ -48,7 +48,7 @@ def run_reproduction(choices: Choices, arms: Sequence[str]) -> Study:
     for arm in arms:
         if arm not in SLAMS:
             raise unknown_name("arm", arm, SLAMS)
-    study = _run("reproduce", choices, [Variant(arm, slam=arm) for arm in arms], keep_record=True)
+    study = run_variants("reproduce", choices, [Variant(arm, slam=arm) for arm in arms], keep_record=True)
     goal = goal_lines(study) if "chain" in arms else []
     text = "\n".join(["# The paper's runs", "", *goal, "", table_of(study).markdown(), ""])
     write_atomically(choices.out / "table.md", text.encode())
@@ -63,7 +63,7 @@ def run_ablation(choices: Choices) -> Study:
     from sonar_explore.reports.study import write_ablation
 
     variants = ablation_variants()
-    study = _run("ablation", choices, variants, keep_record=False)
+    study = run_variants("ablation", choices, variants, keep_record=False)
     table = pooled_table(study, [v.name for v in variants])
     write_atomically(choices.out / "table.md", f"# Ablation\n\n{table.markdown()}\n".encode())
     write_ablation(study, choices.out)
@@ -76,7 +76,7 @@ def run_sensitivity(choices: Choices) -> Study:
     """Each number around its default."""
     from sonar_explore.reports.study import write_sensitivity
 
-    study = _run("sensitivity", choices, sweep_variants(), keep_record=False)
+    study = run_variants("sensitivity", choices, sweep_variants(), keep_record=False)
     lines = sensitivity_lines(study)
     write_atomically(choices.out / "table.md", "\n".join(["# Sensitivity", "", *lines, ""]).encode())
     write_sensitivity(study, choices.out)
@@ -89,7 +89,7 @@ def sensitivity_lines(study: Study) -> list[str]:
     return [f"- **{s.name}** (`{s.option}`): {sentence(s, points_of(study, s))}" for s in SWEEPS]
 
 
-def _run(kind: str, choices: Choices, variants: Sequence[Variant], *, keep_record: bool) -> Study:
+def run_variants(kind: str, choices: Choices, variants: Sequence[Variant], *, keep_record: bool) -> Study:
     """Run the episodes that are missing, all of one code and configuration."""
     noise_preset(choices.noise)
     for world in choices.worlds:

@@ -7,6 +7,7 @@ import pytest
 from plain_pings import plain_echoes
 
 from sonar_explore.amigobot import AmigoBot
+from sonar_explore.beam import Beam
 from sonar_explore.envs.acoustics import SonarPhysics, echoes
 from sonar_explore.envs.scene import Scene
 from sonar_explore.envs.world import World, load_world, shipped_worlds
@@ -73,6 +74,19 @@ def test_scans_of_shipped_worlds_are_those_of_single_pings(name):
     low, high = world.walls.reshape(-1, 2).min(axis=0), world.walls.reshape(-1, 2).max(axis=0)
     for x, y in rng.uniform(low, high, (150, 2)):
         assert_same(scene, scan_discs(rng, x, y), SonarPhysics())
+
+
+@pytest.mark.parametrize("s_deg, heard_deg", [(3.0, 6.0), (24.7, 26.1), (35.0, 40.0)])
+def test_whatever_the_beam_a_scan_is_that_of_single_pings(s_deg, heard_deg):
+    rng = np.random.default_rng(11)
+    physics = SonarPhysics(beam=Beam(math.radians(s_deg), math.exp(-((heard_deg / s_deg) ** 2))))
+    for _ in range(15):
+        world, size = random_world(rng)
+        scene = Scene.of(world, 5.0)
+        discs = scan_discs(rng, *rng.uniform(0.0, size, 2))
+        ranges, kinds = echoes(scene, discs, physics)
+        alone = [echoes(scene, disc[None, :], physics) for disc in discs]
+        assert [(r[0], k[0]) for r, k in alone] == list(zip(ranges, kinds, strict=True))
 
 
 def test_pings_from_anywhere_in_any_order_are_those_of_single_pings():

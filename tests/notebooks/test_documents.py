@@ -29,7 +29,7 @@ def test_every_subcommand_in_the_readme_exists():
     from sonar_explore.cli import commands
 
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    used = set(re.findall(r"^sonar-explore (\w+)", text, re.MULTILINE))
+    used = set(re.findall(r"^sonar-explore ([\w-]+)", text, re.MULTILINE))
     assert used == set(commands.commands)
 
 
