@@ -12,7 +12,7 @@ from sonar_explore.geometry import Array, Pose
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States
 
 Counts = NDArray[np.int32]
-_HAIR_M = 1e-9  # nearer than this to a limit the exact distance decides
+_HAIR_M2 = 1e-9  # nearer than this to the square of a limit the exact distance decides
 _RIM = 0.01  # nearer than this share of a sector of 1 degree to its rim the exact angle decides
 
 
@@ -171,7 +171,8 @@ def _cut(x, y, heading, clear, segments, margin):  # type: ignore[no-untyped-def
         if length2 < 1e-12:
             continue
         t = min(1.0, max(0.0, -(ax * ex + ay * ey) / length2))
-        if math.hypot(ax + t * ex, ay + t * ey) > reach:
+        px, py = ax + t * ex, ay + t * ey
+        if px * px + py * py > reach * reach + _HAIR_M2 or math.hypot(px, py) > reach:
             continue
         start = (math.atan2(ay, ax) - heading) / (2.0 * math.pi) * n
         turn = math.atan2(ax * by - ay * bx, ax * bx + ay * by) / (2.0 * math.pi) * n
@@ -217,42 +218,53 @@ def _mark(cleared, core, x0, y0, resolution, x, y, heading, before, after):  # t
     n = before.shape[1]
     rows, columns = cleared.shape
     reach = 0.0
+    squares = np.empty((4, n))
     for layer in range(2):
         for b in range(n):
-            if before[layer, b] != after[layer, b]:
-                reach = max(reach, before[layer, b], after[layer, b])
+            low, high = before[layer, b], after[layer, b]
+            squares[2 * layer, b], squares[2 * layer + 1, b] = low * abs(low), high * abs(high)
+            if low != high:
+                reach = max(reach, low, high)
     if reach <= 0.0:
         return
+    per_rad = n / (2.0 * math.pi)
+    ahead = heading * per_rad
+    ahead -= n * math.floor(ahead / n)
+    farthest = reach * reach + _HAIR_M2
     r0 = max(0, int(math.floor((y - reach - y0) / resolution)))
     r1 = min(rows - 1, int(math.floor((y + reach - y0) / resolution)))
-    c0 = max(0, int(math.floor((x - reach - x0) / resolution)))
-    c1 = min(columns - 1, int(math.floor((x + reach - x0) / resolution)))
     for row in range(r0, r1 + 1):
         dy = y0 + (row + 0.5) * resolution - y
+        half = math.sqrt(max(0.0, farthest - dy * dy)) + resolution
+        c0 = max(0, int(math.floor((x - half - x0) / resolution)))
+        c1 = min(columns - 1, int(math.floor((x + half - x0) / resolution)))
         for column in range(c0, c1 + 1):
             dx = x0 + (column + 0.5) * resolution - x
-            distance = math.sqrt(dx * dx + dy * dy)
-            if distance > reach + _HAIR_M:
+            square = dx * dx + dy * dy
+            if square > farthest:
                 continue
-            u = (_nearly_atan2(dy, dx) - heading) / (2.0 * math.pi) * n
-            b = int(math.floor(u))
-            if u - b < _RIM or u - b > 1.0 - _RIM or distance < _HAIR_M:
-                b = int(math.floor((math.atan2(dy, dx) - heading) / (2.0 * math.pi) * n))
-            b = b % n
-            cleared[row, column] += _within(dx, dy, distance, after[0, b]) - _within(
-                dx, dy, distance, before[0, b]
+            u = _nearly_atan2(dy, dx) * per_rad - ahead
+            if u < 0.0:
+                u += n
+            if u < 0.0:
+                u += n
+            b = int(u)
+            if u - b < _RIM or u - b > 1.0 - _RIM or square < _HAIR_M2:
+                b = int(math.floor((math.atan2(dy, dx) - heading) / (2.0 * math.pi) * n)) % n
+            cleared[row, column] += _within(dx, dy, square, after[0, b], squares[1, b]) - _within(
+                dx, dy, square, before[0, b], squares[0, b]
             )
-            core[row, column] += _within(dx, dy, distance, after[1, b]) - _within(
-                dx, dy, distance, before[1, b]
+            core[row, column] += _within(dx, dy, square, after[1, b], squares[3, b]) - _within(
+                dx, dy, square, before[1, b], squares[2, b]
             )
 
 
 @kernel
-def _within(dx, dy, distance, limit):  # type: ignore[no-untyped-def]
-    """1 where hypot(dx, dy), which is about `distance`, is at most the limit."""
-    if abs(distance - limit) < _HAIR_M:
-        distance = math.hypot(dx, dy)
-    return 1 if distance <= limit else 0
+def _within(dx, dy, square, limit, limit_square):  # type: ignore[no-untyped-def]
+    """1 where hypot(dx, dy) is at most the limit; near it the squares do not decide."""
+    if abs(square - limit_square) < _HAIR_M2:
+        return 1 if math.hypot(dx, dy) <= limit else 0
+    return 1 if square < limit_square else 0
 
 
 @kernel
