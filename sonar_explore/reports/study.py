@@ -94,7 +94,7 @@ def write_packed_report(record: EpisodeRecord, path: Path) -> None:
     packed = base64.b64encode(gzip.compress(episode_page(record).encode(), 9, mtime=0)).decode()
     s = record.summary
     title = f"{s.world}, {s.slam}, seed {s.seed}"
-    _write(path, "packed.html", title=title, packed=packed)
+    write_page(path, "packed.html", title=title, packed=packed)
 
 
 def write_reproduction(study: Study, folder: Path) -> None:
@@ -103,7 +103,7 @@ def write_reproduction(study: Study, folder: Path) -> None:
 
     shown = [_figure(study, folder, world) for world in study.worlds]
     for page in shown:
-        _write(
+        write_page(
             folder / page["page"],
             "study_figure.html",
             figure=page,
@@ -111,7 +111,7 @@ def write_reproduction(study: Study, folder: Path) -> None:
             **_common(study),
         )
     goal = goal_lines(study) if any(v["name"] == "chain" for v in study.variants) else []
-    _write(
+    write_page(
         folder / "index.html",
         "study_index.html",
         goal=goal,
@@ -130,7 +130,7 @@ def write_ablation(study: Study, folder: Path) -> None:
     names = [v["name"] for v in study.variants]
     table = pooled_table(study, names)
     lanes = [_success_spot(study, name) for name in names]
-    _write(
+    write_page(
         folder / "index.html",
         "study_ablation.html",
         table=table,
@@ -164,7 +164,7 @@ def write_sensitivity(study: Study, folder: Path) -> None:
                 ),
             }
         )
-    _write(folder / "index.html", "study_sensitivity.html", sweeps=sweeps, **_common(study))
+    write_page(folder / "index.html", "study_sensitivity.html", sweeps=sweeps, **_common(study))
 
 
 def _spot(value: Any, measured: Any, is_default: bool) -> Spot:
@@ -308,7 +308,8 @@ def _common(study: Study) -> dict[str, Any]:
     }
 
 
-def _write(path: Path, template: str, **values: Any) -> None:
+def write_page(path: Path, template: str, **values: Any) -> None:
+    """A page of a template, with the styles of all studies."""
     templates = _templates()
     styles = {"style": _verbatim(templates, "episode.css"), "study_style": _verbatim(templates, "study.css")}
     write_atomically(path, templates.get_template(template).render(**styles, **values).encode())

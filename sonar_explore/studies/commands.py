@@ -89,4 +89,37 @@ def ring_scan(**choices: Any) -> None:
     run_ring_scan(Choices(**choices))
 
 
-STUDY_COMMANDS = (reproduce, ablation, sensitivity, ring_scan)
+@click.command("explore-plans")
+@click.argument("data", required=False, type=click.Path(path_type=Path))
+@click.option("--generated", type=click.IntRange(0), default=200, show_default=True, help="Generated worlds.")
+@click.option("--seeds", type=click.IntRange(1), default=1, show_default=True, help="0 to N - 1.")
+@click.option("--noise", default="paper", show_default=True, help="Odometry: paper, ideal or worn.")
+@click.option("--slam", default="smoothed", show_default=True, help="What corrects the pose.")
+@click.option("--whole", is_flag=True, help="Run the plans above 400 m2 whole as well.")
+@click.option("--jobs", type=click.IntRange(1), help="Processes; default: one a core.")
+@click.option(
+    "--max-scans",
+    type=click.IntRange(1),
+    default=4000,
+    show_default=True,
+    help="End every episode after this many.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("runs/explore-plans"),
+    show_default=True,
+    help="Folder; what is finished in it is not run again.",
+)
+def explore_plans(**choices: Any) -> None:
+    """Explore every floor plan below the folder DATA, and generated worlds; say what was left out and why.
+
+    DATA is by default the folder plans/ of SONAR_EXPLORE_DATA; where that is not set, generated worlds alone are run.
+    Plans above 400 m2 are cut; those with no furnished version get clutter as well.
+    """
+    from sonar_explore.studies.plans import PlanChoices, run_plans
+
+    run_plans(PlanChoices(**choices))
+
+
+STUDY_COMMANDS = (reproduce, ablation, sensitivity, ring_scan, explore_plans)

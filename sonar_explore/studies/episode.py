@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import signal
+import time
 import traceback
 from pathlib import Path
 
 from sonar_explore import __version__
-from sonar_explore.episodes.record import EpisodeRecord
+from sonar_explore.episodes.record import EpisodeRecord, StepRecord
 from sonar_explore.episodes.run import run_episode
 from sonar_explore.studies.jobs import Job, Outcome
 from sonar_explore.studies.store import record_path, report_path, save_outcome, save_record_packed
@@ -27,20 +28,37 @@ def run_job(job: Job, folder: Path, keep_record: bool, fingerprint: str) -> Outc
     path = folder / job.path
     path.parent.mkdir(parents=True, exist_ok=True)
     summary, error = None, None
+    clock = _Clock()
     try:
-        record = _run(job)
+        record = _run(job, clock)
         summary = record.summary
         if keep_record:
             _keep(record, path)
     except Exception as raised:
         error = _one_line(raised)
-    outcome = Outcome(job.world, job.variant.name, job.seed, fingerprint, __version__, summary, error)
+    laps = tuple(clock.laps)
+    outcome = Outcome(job.world, job.variant.name, job.seed, fingerprint, __version__, summary, error, laps)
     save_outcome(outcome, path)
     return outcome
 
 
-def _run(job: Job) -> EpisodeRecord:
-    return run_episode(job.world, slam=job.variant.slam, noise=None, seed=job.seed, config=job.config)
+def _run(job: Job, clock: _Clock) -> EpisodeRecord:
+    return run_episode(
+        job.world, slam=job.variant.slam, noise=None, seed=job.seed, config=job.config, on_step=clock
+    )
+
+
+class _Clock:
+    """Notes the processor time of each step of an episode, [s]."""
+
+    def __init__(self) -> None:
+        self.laps: list[float] = []
+        self._last = time.process_time()
+
+    def __call__(self, _: StepRecord) -> None:
+        now = time.process_time()
+        self.laps.append(round(now - self._last, 4))
+        self._last = now
 
 
 def _keep(record: EpisodeRecord, path: Path) -> None:

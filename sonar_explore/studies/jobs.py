@@ -77,6 +77,8 @@ class Outcome(msgspec.Struct, frozen=True):
     """None where the episode raised."""
     error: str | None
     """What it raised, in one line."""
+    decision_cpu_s: tuple[float, ...] = ()
+    """Processor time from each decision to the next: the drive, the scan and all thinking, in order, [s]."""
 
 
 def jobs_of(
