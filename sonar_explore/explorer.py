@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -22,6 +23,10 @@ from sonar_explore.slam import Chain, ScanUpdate, Slam
 MIN_FRONTIER_M = 0.15
 MAX_REPLANS = 4
 SECOND_CHANCES = 3  # times that places which were put aside are tried again before giving up
+DOUBTS = 24  # legs driven by a map that believes less, after nothing is left on the one that believes all
+DOUBT_AREA_M2 = 0.8  # new area for which that is worth it
+DOUBTED_M = 0.75  # places nearer to one that was tried so are not tried again
+WORTH_NEW_DOUBTS_M2 = 1.0  # of free space found since the first doubt: then they begin anew
 POINT_WITHIN_M = 0.12
 FAMILIAR_M = 0.35
 BACK_OFF_M_S, BACK_OFF_TICKS = 0.1, 20
@@ -93,6 +98,11 @@ class Explorer:
         self._planned_for: tuple[int, float, float, bool] | None = None
         self._second_chances = SECOND_CHANCES
         self._daring = False
+        self._doubtful = False
+        self._doubts = DOUBTS
+        self._doubted: list[tuple[float, float]] = []
+        self._doubt_goal: tuple[float, float] | None = None
+        self._free_when_doubted = 0
         self.gave_up = False
         """Whether all that is left are places that were put aside because the way to them was shut."""
         self.grid: OccupancyGrid
@@ -112,6 +122,7 @@ class Explorer:
         self._driver.forget()
         self._looks.append(look_of(scan, update.features, self._config.mapping))
         self._trails.append(np.zeros((1, 2)))
+        self._doubtful = False
         self._map()
         return update
 
@@ -132,6 +143,8 @@ class Explorer:
         candidates = self._candidates(paths, chains, scans)
         if not candidates:
             candidates = self._second_chance(pose, chains, scans)
+        if not candidates:
+            candidates = self._doubt(pose, chains, scans)
         return Situation(
             pose=pose,
             grid=self.grid,
@@ -159,6 +172,32 @@ class Explorer:
         self._second_chances -= bool(candidates)
         return candidates
 
+    def _doubt(self, pose: Pose, chains: Sequence[Chain], scans: Array) -> tuple[Candidate, ...]:
+        """Before calling it finished: where is much to be seen if only what is sure of the walls is there?
+
+        An edge, a column or a wall drawn too long can shut an open door on the map. The ring of eight tells on the way.
+        """
+        free = int(self.grid.free.sum())
+        if (free - self._free_when_doubted) * self.grid.frame.resolution_m**2 >= WORTH_NEW_DOUBTS_M2:
+            self._doubts, self._free_when_doubted = DOUBTS, free
+        if not self._doubts:
+            return ()
+        self._doubtful = True
+        self._map()
+        found = [
+            c
+            for c in self._candidates(self._plan(pose), chains, scans)
+            if c.new_area_m2 >= DOUBT_AREA_M2
+            and all(math.hypot(x - c.x, y - c.y) > DOUBTED_M for x, y in self._doubted)
+        ]
+        if found:
+            self._doubts, self.gave_up = self._doubts - 1, False
+            x, y = self._doubt_goal or (math.inf, math.inf)
+            return tuple(c for c in found if math.hypot(c.x - x, c.y - y) <= DOUBTED_M) or tuple(found)
+        self._doubtful = False
+        self._map()
+        return ()
+
     def go_to(self, candidate: Candidate) -> Trip:
         """Drive there; where the way is shut, find another; put the place aside if there is none.
 
@@ -185,6 +224,10 @@ class Explorer:
                 break
         if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED):
             self._put_aside.append((candidate.x, candidate.y))
+        if self._doubtful:
+            self._doubt_goal = (candidate.x, candidate.y) if end is DriveEnd.UNDERWAY else None
+            if end is not DriveEnd.UNDERWAY:
+                self._doubted.append((candidate.x, candidate.y))
         here = self.pose()
         return Trip(end, np.array([[here.x, here.y]]) if first is None else first, (*self._leg_trail, here))
 
@@ -196,7 +239,7 @@ class Explorer:
         poses = [entry.pose for entry in self._slam.scans]
         obstacles = [poses[i].transform(o.reshape(-1, 2)).reshape(-1, 4) for i, o in self._obstacles]
         walls = np.vstack(obstacles) if obstacles else np.zeros((0, 4))
-        self.grid = self._mapper.draw(poses, self._looks, self._trails, walls)
+        self.grid = self._mapper.draw(poses, self._looks, self._trails, walls, doubtful=self._doubtful)
         self._planned_for = None
 
     def _plan(self, pose: Pose) -> SafePaths:

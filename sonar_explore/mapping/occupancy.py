@@ -55,6 +55,8 @@ class MappingConfig:
     """Normals that differ by this much at one place belong to an edge, a corner or a column, [rad]."""
     trim_m: float = 0.08
     """An edge or a corner this near to a wall feature's line ends its segment, [m]."""
+    sure_m: float = 0.10
+    """How far about the foot of its normal a wall is believed where the map is doubted, [m]."""
     wall_weight: float = 2.0
     """Evidence of one wall feature for the cells of its segment."""
     point_weight: float = 1.0
@@ -207,7 +209,13 @@ class OccupancyMapper:
         """Corners, edges and columns that the last scans saw, x y, shape (n, 2), map frame, [m]."""
 
     def draw(
-        self, poses: Sequence[Pose], looks: Sequence[Look], trails: Sequence[Array], obstacles: Array
+        self,
+        poses: Sequence[Pose],
+        looks: Sequence[Look],
+        trails: Sequence[Array],
+        obstacles: Array,
+        *,
+        doubtful: bool = False,
     ) -> OccupancyGrid:
         """The grid of these scans at these poses.
 
@@ -216,6 +224,8 @@ class OccupancyMapper:
             looks: evidence of each scan.
             trails: where the body has been since each scan, shape (n, 2) each, in that scan's frame, [m].
             obstacles: pieces of wall that stood in the way of a drive, shape (k, 4), map frame, [m].
+            doubtful: whether to believe only what is sure of a wall, the piece about the foot of its normal, and no
+                edges, corners or bridged gaps: what else the map draws may shut a door that is open.
         """
         cfg = self._config
         frame = self._covering(poses)
@@ -229,6 +239,8 @@ class OccupancyMapper:
         fresh_feet = feet[scan[pivots] >= recent]
         self.recent_points = np.vstack([fresh_feet, *(placed.points for placed in self._placed[recent:])])
         walls = trimmed(walls[~pivots], points, cfg.trim_m)
+        if doubtful:
+            walls = shortened(walls, cfg.sure_m)
         wall_evidence = np.zeros(frame.shape)
         mark_segments(frame, wall_evidence, walls, cfg.wall_weight)
         fresh = scan[~pivots] >= len(looks) - cfg.fresh_scans
@@ -236,8 +248,10 @@ class OccupancyMapper:
         obstacles = trimmed(obstacles, points, cfg.trim_m)
         mark_segments(frame, wall_evidence, obstacles, cfg.wall_weight)
         walls = np.vstack([walls, obstacles])
-        _add_cells(frame, wall_evidence, points, cfg.point_weight)
-        gaps = bridges(np.vstack([walls, np.hstack([feet, feet])]), 2.0 * self._body)
+        gaps: Array = np.zeros((0, 4))
+        if not doubtful:
+            _add_cells(frame, wall_evidence, points, cfg.point_weight)
+            gaps = bridges(np.vstack([walls, np.hstack([feet, feet])]), 2.0 * self._body)
         barriers = np.vstack([walls, gaps])
         self._sectors.resize(frame)
         for i in self._to_cut(poses, looks, moved, scan, pivots, barriers):
@@ -348,6 +362,13 @@ def _trim(walls, points, within, out):  # type: ignore[no-untyped-def]
                     backward = min(backward, -at)
         out[i, 0], out[i, 1] = x - ux * backward, y - uy * backward
         out[i, 2], out[i, 3] = x + ux * forward, y + uy * forward
+
+
+def shortened(walls: Array, half_m: float) -> Array:
+    """Wall segments, shape (n, 4), cut to this much on either side of their middle, [m]."""
+    middle, half = 0.5 * (walls[:, :2] + walls[:, 2:]), 0.5 * (walls[:, 2:] - walls[:, :2])
+    half = half * np.minimum(1.0, half_m / np.maximum(np.hypot(*half.T), 1e-9))[:, None]
+    return np.hstack([middle - half, middle + half])
 
 
 def bridges(walls: Array, gap_m: float) -> Array:
