@@ -1,21 +1,30 @@
-"""docs/reproduction.md: put what a study found into the page, each study in its own section.
+"""Put what a study found into the documents, each study in its own section.
 
-`python -m sonar_explore.studies.document runs/reproduce [runs/ablation] [runs/sensitivity]`
+`python -m sonar_explore.studies.document runs/reproduce [runs/ablation] [runs/sensitivity]` for docs/reproduction.md,
+`python -m sonar_explore.studies.document runs/explore-plans` for docs/exploration.md and its pictures.
 """
 
 from __future__ import annotations
 
 import re
+import shutil
 import sys
 from pathlib import Path
 
+import msgspec
+
 from sonar_explore.episodes.files import write_atomically
 from sonar_explore.errors import SonarExploreError
+from sonar_explore.studies.plans import report
+from sonar_explore.studies.plans_page import PICTURES, failure_lines
+from sonar_explore.studies.plans_results import KIND, PlansStudy, load_plans_study
 from sonar_explore.studies.results import Study, load_study
 from sonar_explore.studies.study import sensitivity_lines
 from sonar_explore.studies.tables import goal_lines, pooled_table, table_of
 
 PAGE = Path("docs/reproduction.md")
+PLANS_PAGE = Path("docs/exploration.md")
+PLANS_PICTURES = Path("docs/exploration")
 
 
 def section_of(study: Study) -> str:
@@ -34,22 +43,59 @@ def _body(study: Study) -> list[str]:
     return [f"Worlds: {', '.join(study.worlds)}.", "", *sensitivity_lines(study)]
 
 
+def plans_section(study: PlansStudy) -> str:
+    """What the page says of `explore-plans`."""
+    count = f"{study.seeds} seeds" if study.seeds > 1 else "1 seed"
+    made = f"{len(study.runs)} runs, {count}, SLAM `{study.slam}`, noise `{study.noise}`, version {study.version}, "
+    failures = failure_lines(study, PLANS_PICTURES.name)
+    body = [*report(study), "", "## Every failure and its cause", "", *failures]
+    return "\n".join([f"{made}source {study.code}.", "", *body])
+
+
 def with_section(page: str, study: Study) -> str:
     """The page with the section of this study made anew."""
-    begin, end = f"<!-- {study.kind} -->", f"<!-- end of {study.kind} -->"
+    return with_text(page, study.kind, section_of(study))
+
+
+def with_text(page: str, kind: str, text: str) -> str:
+    """The page with other text between the marks of a kind of study."""
+    begin, end = f"<!-- {kind} -->", f"<!-- end of {kind} -->"
     found = re.search(re.escape(begin) + ".*?" + re.escape(end), page, re.DOTALL)
     if not found:
         raise SonarExploreError(f"the page has no section {begin}")
-    return page[: found.start()] + f"{begin}\n{section_of(study)}\n{end}" + page[found.end() :]
+    return page[: found.start()] + f"{begin}\n{text}\n{end}" + page[found.end() :]
 
 
 def main(folders: list[str]) -> int:
-    """Put every study named into the page."""
-    page = PAGE.read_text(encoding="utf-8")
-    for folder in folders:
-        page = with_section(page, load_study(Path(folder) / "results.json"))
-    write_atomically(PAGE, page.encode())
+    """Put every study named into its page."""
+    for folder in map(Path, folders):
+        if _kind(folder) == KIND:
+            _put_plans(folder)
+            continue
+        page = with_section(PAGE.read_text(encoding="utf-8"), load_study(folder / "results.json"))
+        write_atomically(PAGE, page.encode())
     return 0
+
+
+class _Kind(msgspec.Struct):
+    kind: str
+
+
+def _kind(folder: Path) -> str:
+    try:
+        return msgspec.json.decode((folder / "results.json").read_bytes(), type=_Kind).kind
+    except (OSError, msgspec.DecodeError) as error:
+        raise SonarExploreError(f"{folder / 'results.json'} is no study: {error}") from error
+
+
+def _put_plans(folder: Path) -> None:
+    """The section, and the pictures of the failures in place of those of an earlier study."""
+    study = load_plans_study(folder / "results.json")
+    page = with_text(PLANS_PAGE.read_text(encoding="utf-8"), KIND, plans_section(study))
+    shutil.rmtree(PLANS_PICTURES, ignore_errors=True)
+    if any((folder / PICTURES).glob("*.png")):
+        shutil.copytree(folder / PICTURES, PLANS_PICTURES)
+    write_atomically(PLANS_PAGE, page.encode())
 
 
 if __name__ == "__main__":
