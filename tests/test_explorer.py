@@ -11,7 +11,7 @@ from sonar_explore.envs.simulator import Simulator
 from sonar_explore.envs.world import World
 from sonar_explore.explorer import Explorer
 from sonar_explore.geometry import Pose
-from sonar_explore.mapping.grid import FREE
+from sonar_explore.mapping.grid import FREE, OCCUPIED
 from sonar_explore.planning.candidates import Candidate
 from sonar_explore.planning.driving import DriveEnd
 from sonar_explore.slam import make_slam
@@ -134,6 +134,32 @@ def test_a_place_off_the_map_is_no_way_and_moves_nothing():
     explorer.look()
     assert explorer.go_to(place(50.0, 50.0)).end is DriveEnd.BLOCKED
     assert robot.driven_m == 0.0
+
+
+def test_when_nothing_is_left_it_stays_so_and_the_map_is_the_believed_one():
+    walls = np.array([[-1, 1, 1.2, 1], [-1, -1, 1.2, -1], [-1, -1, -1, 1], [1.2, -1, 1.2, 1]], dtype=float)
+    robot = Simulator(
+        World("room", "", walls, np.zeros(4), np.zeros((0, 3)), Pose(0, 0, 0), False),
+        CONFIG.simulator,
+        np.random.default_rng(0),
+    )
+    explorer = Explorer(robot, make_slam("chain", Pose(0, 0, 0), CONFIG.slam), CONFIG)
+    explorer.look()
+    for _ in range(60):
+        mapped = explorer.grid
+        situation = explorer.situation()
+        if not situation.candidates:
+            break
+        explorer.go_to(situation.candidates[0])
+        explorer.look()
+    assert not situation.candidates
+    again = explorer.situation()
+    assert not again.candidates
+    assert (again.grid.states == situation.grid.states).all()
+    assert (
+        believed == (again.grid.states == OCCUPIED).sum()
+        and believed >= (mapped.states == OCCUPIED).sum() - 5
+    )
 
 
 def test_a_known_pose_is_believed_at_once():

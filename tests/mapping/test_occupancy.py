@@ -22,6 +22,7 @@ from sonar_explore.mapping.occupancy import (
     bridges,
     look_of,
     pivot_points,
+    shortened,
     trimmed,
 )
 from sonar_explore.slam import FeatureKind, SlamConfig
@@ -220,6 +221,32 @@ def test_a_wall_segment_ends_at_the_edges_heard_on_it_and_keeps_its_foot(seed):
     on = abs(across) <= CONFIG.trim_m
     assert high == pytest.approx(min(0.6, at) if on and at > 0 else 0.6)
     assert low == pytest.approx(max(-0.6, at) if on and at < 0 else -0.6)
+
+
+@settings(max_examples=50)
+@given(seeds, st.floats(0.01, 3.0))
+def test_a_shortened_wall_keeps_its_middle_and_line_and_is_never_longer(seed, half):
+    walls = np.random.default_rng(seed).uniform(-4, 4, (8, 4))
+    short = shortened(walls, half)
+    np.testing.assert_allclose(short[:, :2] + short[:, 2:], walls[:, :2] + walls[:, 2:], atol=1e-9)
+    long, now = walls[:, 2:] - walls[:, :2], short[:, 2:] - short[:, :2]
+    assert np.abs(long[:, 0] * now[:, 1] - long[:, 1] * now[:, 0]).max() < 1e-6
+    lengths = np.hypot(*now.T)
+    np.testing.assert_allclose(lengths, np.minimum(np.hypot(*long.T), 2 * half), atol=1e-9)
+
+
+def test_a_door_under_a_wall_drawn_too_long_is_shut_until_the_map_is_doubted():
+    maps, pose = mapper(), [Pose(0.0, 0.0, 0.0)]
+    look = [replace(seen([1.0, -1.2, 1.0, 1.2], clear_m=1.5), points=np.array([[1.0, -0.9]]))]
+    believed = maps.draw(pose, look, nowhere(1), NONE)
+    doubted = maps.draw(pose, look, nowhere(1), NONE, doubtful=True)
+    for grid in (believed, doubted):
+        assert state(grid, 1.0, 0.0) == OCCUPIED  # the foot is sure
+        assert state(grid, 1.2, 0.0) != FREE
+    assert state(believed, 1.0, 0.7) == OCCUPIED and state(doubted, 1.0, 0.7) == FREE
+    assert state(believed, 1.0, -0.9) == OCCUPIED and state(doubted, 1.0, -0.9) != OCCUPIED
+    again = maps.draw(pose, look, nowhere(1), NONE)
+    np.testing.assert_array_equal(again.states, believed.states)
 
 
 def test_where_the_body_has_been_moves_with_the_scan_it_was_believed_after():
