@@ -236,16 +236,16 @@ def test_a_shortened_wall_keeps_its_middle_and_line_and_is_never_longer(seed, ha
 
 
 def test_a_door_under_a_wall_drawn_too_long_is_shut_until_the_map_is_doubted():
-    maps, pose = mapper(), [Pose(0.0, 0.0, 0.0)]
-    look = [replace(seen([1.0, -1.2, 1.0, 1.2], clear_m=1.5), points=np.array([[1.0, -0.9]]))]
-    believed = maps.draw(pose, look, nowhere(1), NONE)
-    doubted = maps.draw(pose, look, nowhere(1), NONE, doubtful=True)
-    for grid in (believed, doubted):
-        assert state(grid, 1.0, 0.0) == OCCUPIED  # the foot is sure
-        assert state(grid, 1.2, 0.0) != FREE
-    assert state(believed, 1.0, 0.7) == OCCUPIED and state(doubted, 1.0, 0.7) == FREE
+    maps, poses = mapper(), [Pose(0.0, 0.0, 0.0), Pose(0.0, 0.7, 0.0)]
+    wall = replace(seen([1.0, -1.2, 1.0, 1.2]), points=np.array([[1.0, -0.9]]))
+    looks = [wall, nothing_seen(1.5)]  # the second scan stands before the door and hears nothing
+    believed = maps.draw(poses, looks, nowhere(2), NONE)
+    doubted = maps.draw(poses, looks, nowhere(2), NONE, doubtful=True)
+    assert state(believed, 1.0, 0.0) == state(doubted, 1.0, 0.0) == OCCUPIED  # the foot is sure
+    assert state(believed, 1.0, 0.7) == OCCUPIED and state(believed, 1.3, 0.7) != FREE
+    assert state(doubted, 1.0, 0.7) == state(doubted, 1.3, 0.7) == FREE
     assert state(believed, 1.0, -0.9) == OCCUPIED and state(doubted, 1.0, -0.9) != OCCUPIED
-    again = maps.draw(pose, look, nowhere(1), NONE)
+    again = maps.draw(poses, looks, nowhere(2), NONE)
     np.testing.assert_array_equal(again.states, believed.states)
 
 
