@@ -12,7 +12,7 @@ from sonar_explore.geometry import Array, Pose
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """Ranges all round from one place: a full turn with one sonar kept (section IV), or a ring scan.
+    """Ranges all round from one place: a full turn as one sonar heard it (section IV), or a ring scan.
 
     The headings are what the odometry says. The robot turns by the same wrong odometry, so the
     true headings differ a little more with every reading: the scan is smeared.
@@ -33,6 +33,8 @@ class Scan:
     """Reported where nothing was heard, [m]."""
     ring: Array | None = None
     """Of a ring scan: where the disc of each reading sits on the body, x y [m], heading [rad], shape (n, 3)."""
+    others: tuple[Scan, ...] = ()
+    """The same turn as the other discs heard it, one scan for each: what the paper throws away."""
 
     @cached_property
     def discs(self) -> Array:
@@ -46,6 +48,11 @@ class Scan:
     def bearings_rad(self) -> Array:
         """Direction of the beam of each reading in the robot frame, shape (n,), [rad]."""
         return np.asarray(self.headings_rad, dtype=float) + self.discs[:, 2]
+
+    @cached_property
+    def step_rad(self) -> float:
+        """Usual angle between the beams of two readings, [rad]."""
+        return float(np.median(np.abs(np.diff(self.bearings_rad))))
 
     @cached_property
     def origins(self) -> Array:

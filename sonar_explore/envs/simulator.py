@@ -30,6 +30,8 @@ class SimulatorConfig:
     noise: OdometryNoise = field(default_factory=OdometryNoise)
     scan_step_rad: float = SCAN_STEP_RAD
     """Turn between two readings of a scan, [rad]; must divide a full turn."""
+    scan_all_discs: bool = True
+    """Beyond the paper: all eight discs are recorded while the robot turns, not one."""
 
 
 class Simulator:
@@ -94,26 +96,32 @@ class Simulator:
             self.true_trail.append(true_pose)
 
     def scan(self, direction: int) -> Scan:
-        """Turn once on the spot and keep one sonar. The odometry error acts during the turn: the scan is smeared."""
+        """Turn once on the spot. The odometry error acts during the turn: the scan is smeared."""
         robot = self.config.robot
         count = round(2.0 * math.pi / self.config.scan_step_rad)
         step = direction * 2.0 * math.pi / count
         began = self.pose_robot_in_odometry
         true_headings = running_sum(self.true_pose.heading, self._wheels.true_turns(step, count))
-        ranges = self._measure(self.true_pose, true_headings[:-1], robot.scan_sonar)
+        discs = [robot.scan_sonar]
+        if self.config.scan_all_discs:
+            discs += [disc for disc in range(len(robot.sonars)) if disc != robot.scan_sonar]
+        heard = [
+            Scan(
+                pose_robot_in_odometry=began,
+                headings_rad=step * np.arange(count),
+                ranges_m=self._measure(self.true_pose, true_headings[:-1], disc),
+                pose_sonar_in_robot=robot.sonars[disc],
+                range_max_m=robot.range_max_m,
+            )
+            for disc in discs
+        ]
         self.true_pose = replace(self.true_pose, heading=float(true_headings[-1]))
         counted = running_sum(began.heading, np.full(count, step))
         self.pose_robot_in_odometry = replace(began, heading=float(counted[-1]))
         self._state[[TRUE, ODOMETRY], 2] = true_headings[-1], counted[-1]
         self.bumper = False
-        self.time_s += count * (abs(step) / robot.turn_rate_max_rad_s + robot.ping_interval_s)
-        return Scan(
-            pose_robot_in_odometry=began,
-            headings_rad=step * np.arange(count),
-            ranges_m=ranges,
-            pose_sonar_in_robot=robot.sonars[robot.scan_sonar],
-            range_max_m=robot.range_max_m,
-        )
+        self.time_s += count * (abs(step) / robot.turn_rate_max_rad_s + len(discs) * robot.ping_interval_s)
+        return replace(heard[0], others=tuple(heard[1:]))
 
     def ring_scan(self, direction: int) -> Scan:
         """Turn by the ring's widest gap while its discs fire one after the other (`sonar_explore.ring`)."""

@@ -8,6 +8,7 @@ from typing import Protocol
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Pose
 from sonar_explore.measurement import Scan
+from sonar_explore.slam.agreement import AgreementConfig
 from sonar_explore.slam.association import Association, AssociationConfig
 from sonar_explore.slam.chains import ChainMap
 from sonar_explore.slam.dual import Merge
@@ -29,6 +30,7 @@ class SlamConfig:
     """
 
     features: FeatureConfig = field(default_factory=FeatureConfig)
+    agreement: AgreementConfig = field(default_factory=AgreementConfig)
     association: AssociationConfig = field(default_factory=AssociationConfig)
     link_graph: LinkGraphConfig = field(default_factory=LinkGraphConfig)
     probability: ProbabilityConfig = field(default_factory=ProbabilityConfig)
@@ -47,6 +49,7 @@ class SlamConfig:
         """
         return cls(
             features=FeatureConfig(beam_check=True, beam_bearing=True, corner_on_wall=True),
+            agreement=AgreementConfig(enabled=True),
             localization=LocalizationConfig(min_consensus=2),
             turning=TurningConfig(enabled=True),
             reference=ReferenceConfig(refined=True),

@@ -11,8 +11,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from sonar_explore.beam import Beam
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.rcd import Rcd
@@ -37,13 +35,12 @@ class Ends:
     def of(region: Rcd, scan: Scan, jump_m: float, beam: Beam | None = None) -> Ends:
         """Look at the readings just outside."""
         before, after = neighbours(region.readings, len(scan.ranges_m))
-        bearings = scan.bearings_rad
-        step = float(np.median(np.abs(np.diff(bearings))))
-        first, last = bearings[[region.readings[0], region.readings[-1]]]
-        room = (first - bearings[before]) % math.tau + (bearings[after] - last) % math.tau
+        bearings, ranges = scan.bearings_rad, scan.ranges_m
+        first, last = float(bearings[region.readings[0]]), float(bearings[region.readings[-1]])
+        room = (first - float(bearings[before])) % math.tau + (float(bearings[after]) - last) % math.tau
         nearer = region.echo_m - jump_m
-        hidden = scan.ranges_m[[before, after]] < nearer
-        return Ends(bool(hidden[0]), bool(hidden[1]), step, float(room), beam or Beam())
+        hidden = bool(ranges[before] < nearer), bool(ranges[after] < nearer)
+        return Ends(*hidden, scan.step_rad, room, beam or Beam())
 
     def like_a_plane(self, region: Rcd) -> bool:
         """Whether its width is what a plane's would be: the readings fit into the pattern's width, and no more do."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from sonar_explore.beam import Beam
-from sonar_explore.geometry import Segment, wrap_angle
+from sonar_explore.geometry import Pose, Segment, wrap_angle
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.ends import Ends, neighbours
 from sonar_explore.slam.rcd import Rcd, compensated_ranges, regions_of_constant_depth
@@ -41,6 +41,20 @@ class Feature:
     """Tangent at the foot of the normal, cut by the first and last heading; a point for corner and edge."""
     readings: tuple[int, ...]
     """Indices of the scan's readings that heard it, counter-clockwise."""
+    sweep_rad: float = 0.0
+    """How far the robot had turned when it was heard, on average, signed: an error of the turns shows in the
+    bearing the more, the later, [rad]."""
+    discs: int = 1
+    """How many of the robot's sonar discs agree on it."""
+
+    def turned(self, angle_rad: float) -> Feature:
+        """The same feature at another bearing."""
+        about = Pose(0.0, 0.0, angle_rad)
+        return replace(
+            self,
+            bearing_rad=wrap_angle(self.bearing_rad + angle_rad),
+            segment=self.segment.transformed(about),
+        )
 
 
 @dataclass(frozen=True)
@@ -85,15 +99,45 @@ class FeatureConfig:
 
 
 def extract_features(scan: Scan, config: FeatureConfig) -> tuple[Feature, ...]:
-    """Walls, corners and edges of one scan, by bearing.
+    """Walls, corners and edges that one disc heard, by bearing.
 
     A run wider than 1.5 beams is a near plane that the beam's skirts hear as well: half a metre away, real
     sonars show it often. Its middle is still the normal. Cut in two, it would make two walls that are not
     there; left out, the nearest walls would be missing. What it costs: two oblique planes at nearly equal
     distance, whose runs touch, count as one.
     """
+    regions = _regions(scan, config)
+    plateaus = _plateaus(regions, scan, config)
+    corners = {r for r in plateaus if _is_corner(r, plateaus, config)}
+    features = [
+        _feature(r, FeatureKind.CORNER if r in corners else FeatureKind.WALL, scan, config) for r in plateaus
+    ]
+    taken = {r.readings for r in plateaus}
+    features += [
+        _feature(r, FeatureKind.EDGE, scan, config)
+        for r in regions
+        if r.readings not in taken and _is_edge(r, scan, config)
+    ]
+    return tuple(sorted(features, key=lambda feature: feature.bearing_rad))
+
+
+def extract_walls(scan: Scan, config: FeatureConfig) -> tuple[Feature, ...]:
+    """The walls among `extract_features`."""
+    plateaus = _plateaus(_regions(scan, config), scan, config)
+    walls = [
+        _feature(r, FeatureKind.WALL, scan, config) for r in plateaus if not _is_corner(r, plateaus, config)
+    ]
+    return tuple(sorted(walls, key=lambda feature: feature.bearing_rad))
+
+
+def _regions(scan: Scan, config: FeatureConfig) -> tuple[Rcd, ...]:
+    """Regions of constant depth within the reliable range."""
     regions = regions_of_constant_depth(scan, config.tolerance_m)
-    regions = tuple(r for r in regions if config.range_min_m <= r.echo_m <= config.range_max_m)
+    return tuple(r for r in regions if config.range_min_m <= r.echo_m <= config.range_max_m)
+
+
+def _plateaus(regions: Sequence[Rcd], scan: Scan, config: FeatureConfig) -> list[Rcd]:
+    """Those wide enough for a wall or a corner."""
     wide = [r for r in regions if r.width_rad >= config.width_min_rad - ANGLE_SLACK_RAD]
     plateaus = [r for r in wide if _is_plateau(r, wide, scan, config)]
     heard = {r: Ends.of(r, scan, config.jump_m, config.beam) for r in plateaus}
@@ -101,14 +145,7 @@ def extract_features(scan: Scan, config: FeatureConfig) -> tuple[Feature, ...]:
         plateaus = [r for r in plateaus if heard[r].like_a_plane(r)]
     if config.beam_bearing:
         plateaus = [heard[r].centred(r) for r in plateaus]
-    corners = {r for r in plateaus if _is_corner(r, plateaus, config)}
-    features = [_wall(r, config) for r in plateaus if r not in corners]
-    features += [_point(r, FeatureKind.CORNER) for r in corners]
-    taken = {r.readings for r in plateaus}
-    features += [
-        _point(r, FeatureKind.EDGE) for r in regions if r.readings not in taken and _is_edge(r, scan, config)
-    ]
-    return tuple(sorted(features, key=lambda feature: feature.bearing_rad))
+    return plateaus
 
 
 def _is_plateau(region: Rcd, wide: Iterable[Rcd], scan: Scan, config: FeatureConfig) -> bool:
@@ -162,25 +199,24 @@ def _is_edge(region: Rcd, scan: Scan, config: FeatureConfig) -> bool:
     return bool(behind - region.echo_m >= config.jump_m)
 
 
-def _wall(region: Rcd, config: FeatureConfig) -> Feature:
-    width = min(region.width_rad, config.width_max_beams * config.beam_rad)
-    half = region.depth_m * math.tan(0.5 * width)  # L = 2 r tan(W / 2)
-    return _feature(region, FeatureKind.WALL, half)
-
-
-def _point(region: Rcd, kind: FeatureKind) -> Feature:
-    return _feature(region, kind, 0.0)
-
-
-def _feature(region: Rcd, kind: FeatureKind, half_length: float) -> Feature:
-    c, s = math.cos(region.bearing_rad), math.sin(region.bearing_rad)
-    x, y = region.depth_m * c, region.depth_m * s
-    ends = Segment(x + half_length * s, y - half_length * c, x - half_length * s, y + half_length * c)
+def _feature(region: Rcd, kind: FeatureKind, scan: Scan, config: FeatureConfig) -> Feature:
     return Feature(
         kind=kind,
         bearing_rad=wrap_angle(region.bearing_rad),
         range_m=region.depth_m,
         width_rad=region.width_rad,
-        segment=ends,
+        segment=tangent(kind, region.bearing_rad, region.depth_m, region.width_rad, config),
         readings=region.readings,
+        sweep_rad=sum(float(scan.headings_rad[i]) for i in region.readings) / len(region.readings),
     )
+
+
+def tangent(
+    kind: FeatureKind, bearing_rad: float, range_m: float, width_rad: float, config: FeatureConfig
+) -> Segment:
+    """The piece of a wall's tangent at the foot of its normal that was heard; a point for corner and edge."""
+    width = min(width_rad, config.width_max_beams * config.beam_rad) if kind is FeatureKind.WALL else 0.0
+    half = range_m * math.tan(0.5 * width)  # L = 2 r tan(W / 2)
+    c, s = math.cos(bearing_rad), math.sin(bearing_rad)
+    x, y = range_m * c, range_m * s
+    return Segment(x + half * s, y - half * c, x - half * s, y + half * c)

@@ -18,8 +18,10 @@ class Motion:
     """x, y [m], heading [rad] as measured, shape (3,)."""
     by_wheels: Array
     """Its derivative by the error of turns and by the bend of drives [rad/m], shape (3, 2)."""
+    by_own: Array
+    """Its derivative by the own error of the turn of the scan that it began with, shape (3,)."""
     covariance: Array
-    """Of its random part, shape (3, 3)."""
+    """Of the rest of its random part, shape (3, 3)."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +43,10 @@ class MotionSum:
         self._walk = walk
         self.clear()
 
-    def clear(self) -> None:
-        """Begin at a new scan."""
+    def clear(self, own_turn_rad: float = 0.0) -> None:
+        """Begin at a new scan, whose turn of this size, signed, [rad], is about to be counted."""
+        self._own_left_rad = own_turn_rad
+        self._by_own = [0.0, 0.0, 0.0]
         self._x = self._y = self._heading = 0.0
         self._by_turn, self._by_bend = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
         self._xx = self._yy = 1e-6
@@ -60,10 +64,12 @@ class MotionSum:
         heading = self._heading + 0.5 * turn
         c, s = math.cos(heading), math.sin(heading)
         a, b = -s * forward, c * forward
-        for by_wheel, more in ((self._by_turn, turn), (self._by_bend, forward)):
-            by_wheel[0] += a * by_wheel[2]
-            by_wheel[1] += b * by_wheel[2]
-            by_wheel[2] += more
+        own = own_part(turn, self._own_left_rad)
+        self._own_left_rad -= own
+        for by, more in ((self._by_turn, turn), (self._by_bend, forward), (self._by_own, own)):
+            by[0] += a * by[2]
+            by[1] += b * by[2]
+            by[2] += more
         walk, distance = self._walk, abs(forward)
         along = walk.distance_m**2 * distance
         self._xx += 2.0 * a * self._xh + a * a * self._hh + along * c * c
@@ -71,7 +77,7 @@ class MotionSum:
         self._yy += 2.0 * b * self._yh + b * b * self._hh + along * s * s
         self._xh += a * self._hh
         self._yh += b * self._hh
-        self._hh += walk.turn_rad**2 * abs(turn) / math.tau + walk.drift_rad**2 * distance
+        self._hh += walk.turn_rad**2 * abs(turn - own) / math.tau + walk.drift_rad**2 * distance
         self._x, self._y = self._x + c * forward, self._y + s * forward
         self._heading += turn
 
@@ -84,4 +90,10 @@ class MotionSum:
             [self._xh, self._yh, self._hh],
         ]
         by_wheels = np.column_stack([self._by_turn, self._by_bend])
-        return Motion(np.array([self._x, self._y, self._heading]), by_wheels, np.array(rows))
+        change = np.array([self._x, self._y, self._heading])
+        return Motion(change, by_wheels, np.array(self._by_own), np.array(rows))
+
+
+def own_part(turn_rad: float, left_rad: float) -> float:
+    """How much of a turn still belongs to a scan's own turn, of which this much is left; signed, [rad]."""
+    return min(max(turn_rad, min(0.0, left_rad)), max(0.0, left_rad))

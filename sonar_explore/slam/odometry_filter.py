@@ -2,9 +2,10 @@
 
 The paper corrects by what the associations say and asks the odometry nothing. Here the odometry has a say: it bounds
 which associations are believable at all, and shares the correction with the associations that the link graph
-kept, each by its variance. The state is the error of the pose and of two constants of the wheels: a wrong wheel
-base scales every turn, unequal wheels bend every drive. A robot is wrong in its own way, the same way all day
-(READING section 3), so both are learned on the way, and the smear of the scan with them.
+kept, each by its variance. The state is the error of the pose, of two constants of the wheels (a wrong wheel base
+scales every turn, unequal wheels bend every drive) and of the turn of the scan at hand. A robot is wrong in its own
+way, the same way all day (READING section 3), so the constants are learned on the way, and the smear of the scan
+with them.
 """
 
 from __future__ import annotations
@@ -17,9 +18,12 @@ from numpy.typing import NDArray
 
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
+from sonar_explore.slam.agreement import TurnError
+from sonar_explore.slam.motion import own_part
 from sonar_explore.slam.residuals import Residuals
 
-X, Y, HEADING, TURN, BEND = range(5)
+X, Y, HEADING, TURN, BEND, OWN = range(6)
+SIZE = 6
 SPREAD_EVERY_M = 0.05  # the covariance is carried along in bits of this length
 
 
@@ -40,7 +44,9 @@ class FilterConfig:
     distance_m: float = 0.03
     """Random distance error of a metre, [m]."""
     bearing_rad: float = math.radians(2.0)
-    """Angle between a feature and the line it belongs to, [rad]."""
+    """Angle between a feature that one disc heard and the line it belongs to, [rad]."""
+    bearing_least_rad: float = math.radians(0.4)
+    """The same, however many discs heard it, [rad]."""
     normal_m: float = 0.02
     """Distance between a feature and the line it belongs to, [m]."""
     gate_sigmas: float = 3.0
@@ -62,9 +68,12 @@ class OdometryFilter:
         """True over measured turn, less one."""
         self.bend_rad_m = 0.0
         """Bend of a straight drive, [rad/m]."""
+        self.own_error = 0.0
+        """Of the turn of the last scan: what it has beyond `turn_error`."""
         self._forward_m = self._turn_rad = self._turned_rad = self._heading_rad = 0.0
-        self.covariance: Array = np.diag([0.0, 0.0, 0.0, config.turn_error**2, config.bend_rad_m**2])
-        """Of x, y [m], heading [rad], turn error and bend [rad/m], shape (5, 5)."""
+        self._own_rad = self._own_left_rad = 0.0
+        self.covariance: Array = np.diag([0.0, 0.0, 0.0, config.turn_error**2, config.bend_rad_m**2, 0.0])
+        """Of x, y [m], heading [rad], turn error, bend [rad/m] and own turn error, shape (6, 6)."""
 
     def moved(self, pose: Pose, before: Pose, after: Pose) -> Pose:
         """Carry a pose along with a short bit of odometry, and the uncertainty with it."""
@@ -75,27 +84,55 @@ class OdometryFilter:
         c, s = math.cos(before.heading), math.sin(before.heading)
         x = -c * before.x - s * before.y + c * after.x + s * after.y
         y = s * before.x - c * before.y - s * after.x + c * after.y
+        own = own_part(turn, self._own_left_rad)
+        self._own_left_rad -= own
+        self._own_rad += own
         self._forward_m += x
         self._turn_rad += turn
-        self._turned_rad += abs(turn)
+        self._turned_rad += abs(turn - own)
         self._heading_rad = pose.heading
         if abs(self._forward_m) > SPREAD_EVERY_M:
             self._spread()
         c, s = math.cos(pose.heading), math.sin(pose.heading)
-        heading = turn * (1.0 + self.turn_error) + x * self.bend_rad_m
+        heading = turn * (1.0 + self.turn_error) + own * self.own_error + x * self.bend_rad_m
         return Pose(pose.x + c * x - s * y, pose.y + s * x + c * y, pose.heading + heading)
 
     def unsmeared(self, scan: Scan) -> Scan:
         """The scan with the headings that the robot truly had, as far as is known."""
         if not self.config.enabled:
             return scan
-        return replace(scan, headings_rad=scan.headings_rad * (1.0 + self.turn_error))
+        return replace(
+            scan,
+            headings_rad=scan.headings_rad * (1.0 + self.turn_error),
+            others=tuple(self.unsmeared(other) for other in scan.others),
+        )
 
-    def restart(self, turn_error: float, bend_rad_m: float) -> None:
-        """Take the pose for sure and the wheels as given: somebody else keeps their uncertainty."""
-        self.turn_error, self.bend_rad_m = turn_error, bend_rad_m
+    def begin_scan(self, turn_rad: float) -> None:
+        """The robot turned by so much, by its odometry, while it took the scan at hand: signed, [rad]."""
         self._spread()
-        self.covariance = np.zeros((5, 5))
+        self._own_left_rad, self.own_error = turn_rad, 0.0
+        self.covariance[OWN, :] = self.covariance[:, OWN] = 0.0
+        self.covariance[OWN, OWN] = self.config.turn_rad**2 * abs(turn_rad) / math.tau / turn_rad**2
+
+    def heard_turn(self, pose: Pose, turn: TurnError) -> tuple[Pose, float]:
+        """Learn from what the discs say of the turn.
+
+        Returns:
+            The pose, and the relative error of this turn beyond what the headings of the scan had of it.
+        """
+        jacobian = np.zeros((1, SIZE))
+        jacobian[0, TURN] = jacobian[0, OWN] = 1.0
+        before = self.turn_error
+        pose = self._learn(pose, jacobian, np.array([turn.relative]), np.array([turn.sigma**2]))
+        return pose, self.turn_error - before + self.own_error
+
+    def restart(self, turn_error: float, bend_rad_m: float, own_error: float) -> None:
+        """Take the pose for sure and the wheels as given: somebody else keeps their uncertainty."""
+        self._spread()
+        self.turn_error, self.bend_rad_m, self.own_error = turn_error, bend_rad_m, own_error
+        own = self.covariance[OWN, OWN]
+        self.covariance = np.zeros((SIZE, SIZE))
+        self.covariance[OWN, OWN] = own
 
     def believable(
         self, residuals: Residuals, angle_rad: Array | float = 0.0, distance_m: Array | float = 0.0
@@ -111,7 +148,7 @@ class OdometryFilter:
             return np.ones(n, dtype=bool)
         self._spread()
         cfg, p = self.config, self.covariance
-        angle = np.sqrt(p[HEADING, HEADING] + cfg.bearing_rad**2 + angle_rad**2)
+        angle = np.sqrt(p[HEADING, HEADING] + self._bearing_variance(residuals) + angle_rad**2)
         across = np.einsum("ni,ij,nj->n", residuals.normals, p[:2, :2], residuals.normals)
         distance = np.sqrt(across + cfg.normal_m**2 + distance_m**2)
         return np.asarray(
@@ -130,25 +167,35 @@ class OdometryFilter:
         if n == 0:
             return pose
         self._spread()
-        cfg = self.config
-        jacobian = np.zeros((2 * n, 5))
+        jacobian = np.zeros((2 * n, SIZE))
         jacobian[:n, HEADING] = 1.0
-        jacobian[:n, TURN] = sweeps_rad
+        jacobian[:n, TURN] = jacobian[:n, OWN] = sweeps_rad
         jacobian[n:, :2] = residuals.normals
         innovation = np.concatenate([residuals.adr_rad, -residuals.ndr_m])
-        noise = np.concatenate([np.full(n, cfg.bearing_rad**2), np.full(n, cfg.normal_m**2)])
+        noise = np.concatenate([self._bearing_variance(residuals), np.full(n, self.config.normal_m**2)])
+        return self._learn(pose, jacobian, innovation, noise)
+
+    def _bearing_variance(self, residuals: Residuals) -> Array:
+        """Of features that more or fewer discs heard, shape (n,), [rad^2]."""
+        cfg = self.config
+        return np.asarray(cfg.bearing_rad**2 / residuals.discs + cfg.bearing_least_rad**2)
+
+    def _learn(self, pose: Pose, jacobian: Array, innovation: Array, noise: Array) -> Pose:
+        """One update of the filter, with Huber's loss; the pose after it."""
+        cfg = self.config
         p = self.covariance
         expected = np.einsum("ni,ij,nj->n", jacobian, p, jacobian) + noise
         noise = noise * np.maximum(1.0, innovation**2 / (cfg.huber_sigmas**2 * expected))
         gain = np.linalg.solve(jacobian @ p @ jacobian.T + np.diag(noise), jacobian @ p).T
         change = gain @ innovation
-        kept = np.eye(5) - gain @ jacobian
+        kept = np.eye(SIZE) - gain @ jacobian
         self.covariance = kept @ p @ kept.T + gain @ np.diag(noise) @ gain.T
         floor = np.array([cfg.least_position_m, cfg.least_position_m, cfg.least_heading_rad]) ** 2
         for i, least in enumerate(floor):
             self.covariance[i, i] = max(self.covariance[i, i], least)
         self.turn_error += float(change[TURN])
         self.bend_rad_m += float(change[BEND])
+        self.own_error += float(change[OWN])
         return Pose(
             pose.x + float(change[X]), pose.y + float(change[Y]), pose.heading + float(change[HEADING])
         )
@@ -158,13 +205,14 @@ class OdometryFilter:
         cfg = self.config
         forward_m, turn_rad, heading = self._forward_m, self._turn_rad, self._heading_rad
         turned_rad = self._turned_rad
-        self._forward_m = self._turn_rad = self._turned_rad = 0.0
-        if forward_m == 0.0 and turned_rad == 0.0:
+        own_rad = self._own_rad
+        self._forward_m = self._turn_rad = self._turned_rad = self._own_rad = 0.0
+        if forward_m == 0.0 and turn_rad == 0.0 and turned_rad == 0.0:
             return
         c, s = math.cos(heading), math.sin(heading)
-        motion = np.eye(5)
+        motion = np.eye(SIZE)
         motion[X, HEADING], motion[Y, HEADING] = -s * forward_m, c * forward_m
-        motion[HEADING, TURN], motion[HEADING, BEND] = turn_rad, forward_m
+        motion[HEADING, TURN], motion[HEADING, BEND], motion[HEADING, OWN] = turn_rad, forward_m, own_rad
         distance = abs(forward_m)
         noise = cfg.distance_m**2 * distance
         p = motion @ self.covariance @ motion.T

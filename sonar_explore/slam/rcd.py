@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array
 from sonar_explore.measurement import Scan
@@ -110,15 +111,17 @@ def regions_of_constant_depth(scan: Scan, tolerance_m: float) -> tuple[Rcd, ...]
     sweep = _sweep(scan)
     n = len(sweep.order) // 2
     taken = [False] * n
-    regions = []
+    picked = []
     for start, length in _runs_longest_first(sweep, tolerance_m):
         # No run taken so far is shorter than this one, so an overlap must cover one of its ends.
         if taken[start] or taken[(start + length - 1) % n]:
             continue
         for reading in range(start, start + length):
             taken[reading % n] = True
-        regions.append(_region(sweep, start, length))
-    return tuple(sorted(regions, key=lambda region: math.remainder(region.bearing_rad, math.tau)))
+        picked.append((start, length))
+    return tuple(
+        sorted(_regions(sweep, picked), key=lambda region: math.remainder(region.bearing_rad, math.tau))
+    )
 
 
 def _sweep(scan: Scan) -> _Sweep:
@@ -141,57 +144,89 @@ def _sweep(scan: Scan) -> _Sweep:
     )
 
 
-def _depths(sweep: _Sweep, starts: NDArray[np.intp], length: int) -> Array:
-    """Perpendicular distance from the centre of the runs of this length, shape (len(starts), length), [m].
+def _runs_longest_first(sweep: _Sweep, tolerance_m: float) -> list[tuple[int, int]]:
+    """(start, length) of every run that is constant, longest first, then flattest, then nearest."""
+    n = len(sweep.order) // 2
+    rows = np.empty((n * n, 4))
+    count = _constant_runs(
+        sweep.bearings, sweep.ranges, sweep.lever_m, sweep.lever_rad, sweep.joined, tolerance_m, rows
+    )
+    starts, lengths, spreads, medians = rows[:count].T
+    order = np.lexsort((starts, medians.round(TIE_DECIMALS), spreads.round(TIE_DECIMALS), -lengths))
+    return list(zip(starts[order].astype(int).tolist(), lengths[order].astype(int).tolist(), strict=True))
+
+
+@inner_kernel
+def _depth(bearings, ranges, lever_m, lever_rad, start, length, k):  # type: ignore[no-untyped-def]
+    """Perpendicular distance from the centre of reading k of a run, [m].
 
     A wall with normal bearing b is heard at range D - lever . normal: the disc's lever is added back
     along the run's middle bearing.
     """
-    run = starts[:, None] + np.arange(length)
-    bearings = sweep.bearings[run]
-    normals = 0.5 * (bearings[:, :1] + bearings[:, -1:])
-    return sweep.ranges[run] + sweep.lever_m[run] * np.cos(bearings + sweep.lever_rad[run] - normals)
+    normal = 0.5 * (bearings[start] + bearings[start + length - 1])
+    i = start + k
+    return ranges[i] + lever_m[i] * math.cos(bearings[i] + lever_rad[i] - normal)
 
 
-def _runs_longest_first(sweep: _Sweep, tolerance_m: float) -> list[tuple[int, int]]:
-    """(start, length) of every run that is constant, longest first, then flattest, then nearest."""
-    n = len(sweep.order) // 2
-    breaks = np.concatenate([[0], np.cumsum(~sweep.joined)])
-    found = [np.empty((0, 4))]
+@kernel
+def _constant_runs(bearings, ranges, lever_m, lever_rad, joined, tolerance, rows):  # type: ignore[no-untyped-def]
+    """(start, length, spread, median) of each constant run, into `rows`: how many. Ends at a length that none has."""
+    n = len(ranges) // 2
+    together = np.empty(n, dtype=np.int64)  # readings from each start on that follow one another
+    for start in range(n):
+        k = 1
+        while k < n and joined[start + k - 1]:
+            k += 1
+        together[start] = k
+    rising = np.empty(n)
+    count = 0
     for length in range(2, n + 1):
-        whole = np.flatnonzero(breaks[length - 1 : length - 1 + n] == breaks[:n])
-        depths = np.sort(_depths(sweep, whole, length), axis=1)
-        medians = 0.5 * (depths[:, (length - 1) // 2] + depths[:, length // 2])
-        spreads = np.maximum(medians - depths[:, 0], depths[:, -1] - medians)
-        constant = np.flatnonzero(spreads <= tolerance_m)
-        if not constant.size:
+        before = count
+        for start in range(n):
+            if together[start] < length:
+                continue
+            for k in range(length):
+                depth = _depth(bearings, ranges, lever_m, lever_rad, start, length, k)
+                at = k
+                while at > 0 and rising[at - 1] > depth:
+                    rising[at] = rising[at - 1]
+                    at -= 1
+                rising[at] = depth
+            median = 0.5 * (rising[(length - 1) // 2] + rising[length // 2])
+            spread = max(median - rising[0], rising[length - 1] - median)
+            if spread <= tolerance:
+                rows[count, 0], rows[count, 1], rows[count, 2], rows[count, 3] = start, length, spread, median
+                count += 1
+        if count == before:
             break
-        rows = np.empty((constant.size, 4))
-        rows[:, 0], rows[:, 1] = whole[constant], length
-        rows[:, 2], rows[:, 3] = spreads[constant].round(TIE_DECIMALS), medians[constant].round(TIE_DECIMALS)
-        found.append(rows)
-    starts, lengths, spreads, medians = np.concatenate(found).T
-    order = np.lexsort((starts, medians, spreads, -lengths))
-    return list(zip(starts[order].astype(int).tolist(), lengths[order].astype(int).tolist(), strict=True))
+    return count
 
 
-def _region(sweep: _Sweep, start: int, length: int) -> Rcd:
-    run = slice(start, start + length)
-    turns = math.tau * round((0.5 * (sweep.bearings[run][0] + sweep.bearings[run][-1])) / math.tau)
-    first, last = sweep.bearings[start] - turns, sweep.bearings[start + length - 1] - turns
-    off_normal = sweep.bearings[run] - turns + sweep.lever_rad[run] - 0.5 * (first + last)
-    lever = sweep.lever_m[run] * np.cos(off_normal)
-    return Rcd(
-        readings=tuple(sweep.order[run].tolist()),
-        first_rad=float(first),
-        last_rad=float(last),
-        depth_m=_median(sweep.ranges[run] + lever),
-        echo_m=_median(sweep.ranges[run]),
-    )
+def _regions(sweep: _Sweep, picked: list[tuple[int, int]]) -> list[Rcd]:
+    bearings, ranges, order = sweep.bearings.tolist(), sweep.ranges.tolist(), sweep.order.tolist()
+    levers, angles = sweep.lever_m.tolist(), sweep.lever_rad.tolist()
+    regions = []
+    for start, length in picked:
+        run = slice(start, start + length)
+        turns = math.tau * round(0.5 * (bearings[start] + bearings[start + length - 1]) / math.tau)
+        depths = [_depth_of(bearings, ranges, levers, angles, start, length, k) for k in range(length)]
+        regions.append(
+            Rcd(
+                readings=tuple(order[run]),
+                first_rad=bearings[start] - turns,
+                last_rad=bearings[start + length - 1] - turns,
+                depth_m=_median(depths),
+                echo_m=_median(ranges[run]),
+            )
+        )
+    return regions
 
 
-def _median(values: Array) -> float:
+_depth_of = getattr(_depth, "py_func", _depth)
+
+
+def _median(values: list[float]) -> float:
     """As `np.median`, of a handful."""
-    rising = sorted(values.tolist())
+    rising = sorted(values)
     n = len(rising)
-    return float(0.5 * (rising[(n - 1) // 2] + rising[n // 2]))
+    return 0.5 * (rising[(n - 1) // 2] + rising[n // 2])

@@ -27,7 +27,9 @@ class ReferenceConfig:
     foot_sigma_m: float = 0.02
     """Standard deviation of a foot across the wall, by range and position, [m]."""
     direction_sigma_rad: float = math.radians(2.0)
-    """Standard deviation of a link's direction, [rad]."""
+    """Standard deviation of the direction of a link that one disc heard, [rad]."""
+    direction_least_rad: float = math.radians(0.8)
+    """The same, however many discs heard it: that of the pose, [rad]."""
 
 
 def reference_line(chain: Chain, config: ReferenceConfig) -> Segment:
@@ -40,7 +42,8 @@ def reference_line(chain: Chain, config: ReferenceConfig) -> Segment:
     feet = np.array([link.segment.midpoint for link in chain.links]) - (x, y)
     along, across = feet @ (c, s), feet @ (-s, c)
     turns = wrap_undirected(np.array([link.segment.direction for link in chain.links]) - root.direction)
-    offset, slope = _fit(along, across, turns, config)
+    discs = np.array([link.feature.discs for link in chain.links])
+    offset, slope = _fit(along, across, turns, discs, config)
     half, angle = 0.5 * root.length, root.direction + math.atan(slope)
     mx, my = x - s * offset, y + c * offset
     dx, dy = half * math.cos(angle), half * math.sin(angle)
@@ -48,14 +51,15 @@ def reference_line(chain: Chain, config: ReferenceConfig) -> Segment:
 
 
 def _fit(
-    along: np.ndarray, across: np.ndarray, turns: np.ndarray, config: ReferenceConfig
+    along: Array, across: Array, turns: Array, discs: Array, config: ReferenceConfig
 ) -> tuple[float, float]:
     """Offset [m] and slope of the line across = offset + slope along, with the directions as slopes too."""
-    foot, direction = 1.0 / config.foot_sigma_m, 1.0 / config.direction_sigma_rad
+    foot = 1.0 / config.foot_sigma_m
+    direction = 1.0 / np.sqrt(config.direction_sigma_rad**2 / discs + config.direction_least_rad**2)
     rows = np.vstack(
         [
             foot * np.column_stack([np.ones_like(along), along]),
-            np.column_stack([np.zeros_like(turns), np.full_like(turns, direction)]),
+            np.column_stack([np.zeros_like(turns), direction]),
         ]
     )
     values = np.concatenate([foot * across, direction * np.tan(turns)])

@@ -38,6 +38,8 @@ class Residuals:
     """P(root), equation (3), shape (n,)."""
     range_m: Array
     """Distance of the feature from the robot, shape (n,), [m]."""
+    discs: Array
+    """How many discs agree on the feature, shape (n,)."""
 
     def only(self, chosen: NDArray[np.bool_]) -> Residuals:
         """Those of the associations chosen, shape (n,)."""
@@ -65,6 +67,7 @@ def residuals_to_roots(
         link_normals=np.array([line.unit_normal for line in links], dtype=float).reshape(-1, 2),
         root_probability=np.array([chains[a.chain].root_probability for a in associations], dtype=float),
         range_m=np.array([feature.range_m for feature in seen], dtype=float),
+        discs=np.array([feature.discs for feature in seen], dtype=float),
     )
 
 

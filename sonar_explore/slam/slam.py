@@ -13,11 +13,12 @@ from sonar_explore.amigobot import AmigoBot
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
+from sonar_explore.slam.agreement import Extraction, TurnError, extract
 from sonar_explore.slam.association import Association, associate
 from sonar_explore.slam.base import ScanEntry, ScanUpdate, ScoredAssociation, SlamConfig
 from sonar_explore.slam.chains import ChainMap, Link
 from sonar_explore.slam.dual import Merge, merge_dual_associations, surviving
-from sonar_explore.slam.features import Feature, FeatureKind, extract_features
+from sonar_explore.slam.features import Feature, FeatureKind
 from sonar_explore.slam.link_graph import LinkGraphs, fit_link_graphs
 from sonar_explore.slam.localization import Correction, Weights, association_weights, localize
 from sonar_explore.slam.odometry_filter import OdometryFilter
@@ -39,6 +40,9 @@ class ChainSlam:
         self._odometry: Pose | None = None
         self._filter = OdometryFilter(config.odometry)
         self._placed: Pose | None = None
+        self._smear = 0.0
+        """The error of the turn of the last scan that its features are already free of."""
+        self._turn_heard: TurnError | None = None
 
     @property
     def scans(self) -> tuple[ScanEntry, ...]:
@@ -67,8 +71,9 @@ class ChainSlam:
     def update(self, scan: Scan) -> ScanUpdate:
         """One scan, through section III in its order."""
         config, index = self.config, len(self._entries)
-        features = extract_features(self._filter.unsmeared(scan), config.features)
-        predicted = self._predicted_at(scan)
+        self._smear = self._filter.turn_error
+        extraction = extract(self._filter.unsmeared(scan), config.features, config.agreement)
+        predicted, features = self._turned(self._predicted_at(scan), scan, extraction)
         associations = associate(predicted, features, self.chains, config.association)
         residuals = residuals_to_roots(predicted, features, associations, self.chains, config.reference)
         believable = self._believable(associations, residuals) & follows_the_wall(
@@ -81,7 +86,7 @@ class ChainSlam:
         probability = np.zeros(len(associations))
         probability[graphs.final] = association_probabilities(graphs.kept, kept.adr_rad, config.probability)
         weights = association_weights(residuals, probability)
-        sweeps = np.array([sweep_rad(scan, features[a.feature]) for a in graphs.kept])
+        sweeps = np.array([features[a.feature].sweep_rad for a in graphs.kept])
         correction = self._correct(predicted, graphs, kept, weights.only(graphs.final), sweeps)
         self.pose = correction.applied_to(predicted)
         merges = merge_dual_associations(self.chains, graphs.kept)
@@ -101,6 +106,22 @@ class ChainSlam:
             merges=merges,
             dangling=self.chains.dangling,
         )
+
+    def _turned(
+        self, predicted: Pose, scan: Scan, extraction: Extraction
+    ) -> tuple[Pose, tuple[Feature, ...]]:
+        """Where the scan began, and its features, in the light of what they say of the turn itself."""
+        self._turn_heard = extraction.turn
+        self._filter.begin_scan(turn_of(scan))
+        if extraction.turn is None or not self.config.odometry.enabled:
+            return predicted, extraction.features
+        predicted, error = self._learn_turn(predicted, extraction.turn)
+        self._smear += error
+        return predicted, tuple(f.turned(error * f.sweep_rad) for f in extraction.features)
+
+    def _learn_turn(self, predicted: Pose, turn: TurnError) -> tuple[Pose, float]:
+        """The pose, and the error of this turn beyond what is known already."""
+        return self._filter.heard_turn(predicted, turn)
 
     def _believable(self, associations: Sequence[Association], residuals: Residuals) -> NDArray[np.bool_]:
         """Which associations the odometry allows, shape (n,)."""
@@ -165,6 +186,9 @@ class ChainSlam:
 class DeadReckoning(ChainSlam):
     """`off`: the same chains on the same associations, and no correction."""
 
+    def _learn_turn(self, predicted: Pose, turn: TurnError) -> tuple[Pose, float]:
+        return predicted, 0.0
+
     def _correct(
         self, predicted: Pose, graphs: LinkGraphs, kept: Residuals, weights: Weights, sweeps: Array
     ) -> Correction:
@@ -180,9 +204,10 @@ class KnownPose(DeadReckoning):
         return super()._predicted_at(scan)
 
 
-def sweep_rad(scan: Scan, feature: Feature) -> float:
-    """How far the robot had turned when it heard a feature, signed, [rad]."""
-    return float(np.mean(scan.headings_rad[list(feature.readings)]))
+def turn_of(scan: Scan) -> float:
+    """The full turn of a scan, signed, [rad]: one step more than from its first reading to its last."""
+    reached = float(scan.headings_rad[np.argmax(np.abs(scan.headings_rad))])
+    return reached + math.copysign(scan.step_rad, reached)
 
 
 def _scored(

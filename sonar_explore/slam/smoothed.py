@@ -16,7 +16,7 @@ from sonar_explore.slam.base import ScanEntry, ScanUpdate, SlamConfig
 from sonar_explore.slam.dual import surviving
 from sonar_explore.slam.motion import MotionSum, RandomWalk
 from sonar_explore.slam.residuals import Residuals
-from sonar_explore.slam.slam import ChainSlam, sweep_rad
+from sonar_explore.slam.slam import ChainSlam, turn_of
 from sonar_explore.slam.smoothing import Sighting, Smoother
 
 
@@ -37,22 +37,23 @@ class SmoothedSlam(ChainSlam):
 
     def update(self, scan: Scan) -> ScanUpdate:
         """Section III first, then everything again."""
-        turn_error = self._filter.turn_error
+        known = self._filter.turn_error
         update = super().update(scan)
-        self._smoother.add_scan(update.pose, self._motion.total if update.index else None)
-        self._motion.clear()
+        heard = self._turn_heard and replace(self._turn_heard, relative=self._turn_heard.relative + known)
+        self._smoother.add_scan(update.pose, self._motion.total if update.index else None, heard)
+        self._motion.clear(turn_of(scan))
         for merge in update.merges:
             self._smoother.merge(merge.survivor, merge.absorbed)
         for feature_index, chain in self._seen(update):
             feature = update.features[feature_index]
-            sweep = sweep_rad(scan, feature)
             self._smoother.add_sighting(
                 Sighting(
                     scan=update.index,
                     chain=chain,
-                    bearing_rad=feature.bearing_rad - sweep * turn_error,
-                    sweep_rad=sweep,
+                    bearing_rad=feature.bearing_rad - feature.sweep_rad * self._smear,
+                    sweep_rad=feature.sweep_rad,
                     range_m=feature.range_m,
+                    discs=feature.discs,
                 )
             )
         self._smoother.solve()
@@ -76,7 +77,7 @@ class SmoothedSlam(ChainSlam):
         ]
         self.chains.place(dict(enumerate(poses)))
         self.pose = poses[-1]
-        self._filter.restart(*map(float, self._smoother.wheels))
+        self._filter.restart(*map(float, (*self._smoother.wheels, self._smoother.own[-1])))
 
     def _believable(self, associations: Sequence[Association], residuals: Residuals) -> NDArray[np.bool_]:
         """The odometry since the last scan, and how sure its pose is relative to each chain, bound both residuals."""

@@ -4,7 +4,8 @@ The paper moves nothing retroactively: when two chains merge, the gap stays in t
 heading error of the scan that saw it. Here every scan pose and every chain's line is estimated from everything
 measured so far:
 
-- odometry between scans, with its covariance and its dependence on the two constants of the wheels;
+- odometry between scans, with its covariance and its dependence on the two constants of the wheels and on the own
+  error of each scan's turn, which the discs of the scan may tell;
 - bearing and range of each associated feature to the line of its chain; a merge puts two chains on one line.
 
 Gauss-Newton with a robust loss (Huber, then Cauchy), so that a false merge bends the map little.
@@ -14,13 +15,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import SuperLU, splu
 
 from sonar_explore.geometry import Array, Pose, wrap_angle
+from sonar_explore.slam.agreement import TurnError
 from sonar_explore.slam.motion import Motion
 
 Robust = Callable[[Array], Array]
@@ -33,7 +35,11 @@ class SmoothingConfig:
     """Standard deviations of what is measured."""
 
     bearing_rad: float = math.radians(2.0)
-    """Of a feature's normal, by the lattice of headings, [rad]."""
+    """Of a feature's normal as one disc hears it, by the lattice of headings, [rad]."""
+    bearing_least_rad: float = math.radians(0.3)
+    """The same, however many discs heard it, [rad]."""
+    turn_rad: float = math.radians(1.5)
+    """Random heading error of the full turn of a scan, [rad]."""
     range_m: float = 0.015
     """Of a feature's range, by noise and temperature, [m]."""
     iterations: int = 6
@@ -52,6 +58,8 @@ class Sighting:
     """How far the robot had turned when it heard it, signed, [rad]."""
     range_m: float
     """[m]"""
+    discs: int = 1
+    """How many discs heard it."""
 
 
 class Smoother:
@@ -65,49 +73,59 @@ class Smoother:
         """x, y [m], heading [rad] of every scan, shape (n, 3)."""
         self.wheels: Array = np.zeros(2)
         """Turn error and bend [rad/m]."""
+        self.own: Array = np.zeros(0)
+        """What each scan's own turn has of error beyond that, relative, shape (n,)."""
+        self._turns: list[tuple[int, TurnError]] = []
         self._lines: dict[int, Array] = {}
-        self._motions: list[tuple[Array, Array, Array]] = []
-        """What whitens each motion, its change and its derivative by the wheels."""
+        self._motions: list[tuple[Array, Array, Array, Array]] = []
+        """What whitens each motion, its change, its derivatives by the wheels and by the own turn."""
         self._sightings: list[Sighting] = []
         self._factor: SuperLU | None = None
 
-    def add_scan(self, pose: Pose, motion: Motion | None) -> None:
-        """A new scan, first guessed here; `motion` from the scan before, None for the first."""
+    def add_scan(self, pose: Pose, motion: Motion | None, turn: TurnError | None = None) -> None:
+        """A new scan, first guessed here.
+
+        Args:
+            motion: from the scan before, None for the first.
+            turn: what the discs say of the error of its turn.
+        """
+        if turn is not None:
+            self._turns.append((len(self.poses), turn))
         self.poses = np.vstack([self.poses, [pose.x, pose.y, pose.heading]])
+        self.own = np.append(self.own, 0.0)
         if motion is not None:
             white = np.linalg.inv(np.linalg.cholesky(motion.covariance))
-            self._motions.append((white, motion.change, motion.by_wheels))
+            self._motions.append((white, motion.change, motion.by_wheels, motion.by_own))
 
     def add_sighting(self, sighting: Sighting) -> None:
         """A feature on a chain; the first one of a chain makes its line."""
         self._sightings.append(sighting)
         if sighting.chain not in self._lines:
             x, y, heading = self.poses[sighting.scan]
-            angle = heading + sighting.bearing_rad + sighting.sweep_rad * self.wheels[0]
+            error = self.wheels[0] + self.own[sighting.scan]
+            angle = heading + sighting.bearing_rad + sighting.sweep_rad * error
             self._lines[sighting.chain] = np.array(
                 [angle, x * math.cos(angle) + y * math.sin(angle) + sighting.range_m]
             )
 
     def merge(self, survivor: int, absorbed: int) -> None:
         """Two chains are one wall."""
-        self._sightings = [
-            Sighting(s.scan, survivor, s.bearing_rad, s.sweep_rad, s.range_m) if s.chain == absorbed else s
-            for s in self._sightings
-        ]
+        self._sightings = [replace(s, chain=survivor) if s.chain == absorbed else s for s in self._sightings]
         self._lines.pop(absorbed, None)
 
     def solve(self) -> None:
         """Move poses, lines and wheels to where everything agrees best."""
         chains = sorted(self._lines)
-        column = {chain: 3 * len(self.poses) + 2 * k for k, chain in enumerate(chains)}
-        sightings = _Stack.of(self._sightings, column)
+        column = {chain: 4 * len(self.poses) + 2 * k for k, chain in enumerate(chains)}
+        sightings = _Stack.of(self._sightings, column, self._config)
         lines = np.array([self._lines[chain] for chain in chains]).reshape(-1, 2)
         for k in range(self._config.iterations):
             robust = _huber if 2 * k < self._config.iterations else _cauchy
             step = self._step(sightings, lines, robust)
             n = len(self.poses)
             self.poses = self.poses + step[: 3 * n].reshape(n, 3)
-            lines = lines + step[3 * n : -2].reshape(-1, 2)
+            self.own = self.own + step[3 * n : 4 * n]
+            lines = lines + step[4 * n : -2].reshape(-1, 2)
             self.wheels = self.wheels + step[-2:]
         self._lines = dict(zip(chains, lines, strict=True))
         self._column = column
@@ -128,8 +146,8 @@ class Smoother:
         return math.sqrt(max(0.0, variance[0])), math.sqrt(max(0.0, variance[1]))
 
     def _step(self, sightings: _Stack, lines: Array, robust: Robust) -> Array:
-        size = 3 * len(self.poses) + 2 * len(lines) + 2
-        blocks = [self._anchor(size), self._odometry(size)]
+        size = 4 * len(self.poses) + 2 * len(lines) + 2
+        blocks = [self._anchor(size), self._own_turns(size), self._odometry(size)]
         if len(sightings.scan):
             blocks.append(self._sighted(sightings, lines, size, robust))
         jacobian = sparse.vstack([b[0] for b in blocks]).tocsc()
@@ -145,11 +163,25 @@ class Smoother:
         off = np.concatenate([self.poses[0] - start, self.wheels])
         return sparse.csr_matrix((weight, (np.arange(5), columns)), shape=(5, size)), weight * off
 
+    def _own_turns(self, size: int) -> tuple[sparse.csr_matrix, Array]:
+        """Every scan's turn is about as the wheels turn, and about as its discs say."""
+        n, m = len(self.poses), len(self._turns)
+        loose = math.tau / self._config.turn_rad
+        scans = np.array([scan for scan, _ in self._turns], dtype=np.intp)
+        heard = np.array([turn.relative for _, turn in self._turns])
+        weight = np.array([1.0 / turn.sigma for _, turn in self._turns])
+        rows = np.concatenate([np.arange(n), n + np.arange(m), n + np.arange(m)])
+        columns = np.concatenate([3 * n + np.arange(n), 3 * n + scans, np.full(m, size - 2)])
+        values = np.concatenate([np.full(n, loose), weight, weight])
+        off = weight * (self.wheels[0] + self.own[scans] - heard)
+        jacobian = sparse.csr_matrix((values, (rows, columns)), shape=(n + m, size))
+        return jacobian, np.concatenate([loose * self.own, off])
+
     def _odometry(self, size: int) -> tuple[sparse.csr_matrix, Array]:
         m = len(self._motions)
         if not m:
             return sparse.csr_matrix((0, size)), np.zeros(0)
-        white, change, by_wheels = (np.stack(parts) for parts in zip(*self._motions, strict=True))
+        white, change, by_wheels, by_own = (np.stack(parts) for parts in zip(*self._motions, strict=True))
         here, there = self.poses[:m], self.poses[1 : m + 1]
         c, s = np.cos(here[:, 2]), np.sin(here[:, 2])
         back = np.zeros((m, 3, 3))
@@ -157,12 +189,14 @@ class Smoother:
         moved = (back @ (there - here)[:, :, None])[:, :, 0]
         by_here = -back
         by_here[:, 0, 2], by_here[:, 1, 2] = moved[:, 1], -moved[:, 0]
-        jacobian = white @ np.concatenate([by_here, back, -by_wheels], axis=2)
-        residual = white @ (moved - change - by_wheels @ self.wheels)[:, :, None]
-        columns = np.empty((m, 3, 8), dtype=np.intp)
+        jacobian = white @ np.concatenate([by_here, back, -by_own[:, :, None], -by_wheels], axis=2)
+        known = change + by_wheels @ self.wheels + by_own * self.own[:m, None]
+        residual = white @ (moved - known)[:, :, None]
+        columns = np.empty((m, 3, 9), dtype=np.intp)
         columns[:, :, :6] = (3 * np.arange(m)[:, None] + np.arange(6))[:, None, :]
-        columns[:, :, 6:] = size - 2, size - 1
-        starts = 8 * np.arange(3 * m + 1)
+        columns[:, :, 6] = (3 * len(self.poses) + np.arange(m))[:, None]
+        columns[:, :, 7:] = size - 2, size - 1
+        starts = 9 * np.arange(3 * m + 1)
         matrix = sparse.csr_matrix((jacobian.ravel(), columns.ravel(), starts), shape=(3 * m, size))
         return matrix, residual.ravel()
 
@@ -171,20 +205,22 @@ class Smoother:
     ) -> tuple[sparse.csr_matrix, Array]:
         x, y, heading = self.poses[stack.scan].T
         angle, distance = lines[stack.line].T
-        normal = heading + stack.bearing + stack.sweep * self.wheels[0]
+        normal = heading + stack.bearing + stack.sweep * (self.wheels[0] + self.own[stack.scan])
         side = np.where(np.cos(normal - angle) >= 0.0, 1.0, -1.0)  # a thin wall may be seen from behind
         c, s = np.cos(angle), np.sin(angle)
-        turn = wrap_angle(normal - angle + np.where(side < 0.0, math.pi, 0.0)) / self._config.bearing_rad
+        turn = wrap_angle(normal - angle + np.where(side < 0.0, math.pi, 0.0)) * stack.sure
         gap = (side * (distance - x * c - y * s) - stack.range) / self._config.range_m
         weight = np.sqrt(robust(turn**2 + gap**2))
-        u, v = weight / self._config.bearing_rad, side * weight / self._config.range_m
+        u, v = weight * stack.sure, side * weight / self._config.range_m
         n = len(stack.scan)
-        pose, line = 3 * stack.scan, 3 * len(self.poses) + 2 * stack.line
+        pose, line = 3 * stack.scan, 4 * len(self.poses) + 2 * stack.line
+        own = 3 * len(self.poses) + stack.scan
         first, second = np.arange(n), np.arange(n, 2 * n)
         wheel = np.full(n, size - 2)
-        rows = np.concatenate([first, first, first, second, second, second, second])
-        columns = np.concatenate([pose + 2, line, wheel, pose, pose + 1, line, line + 1])
-        values = np.concatenate([u, -u, u * stack.sweep, -v * c, -v * s, v * (x * s - y * c), v])
+        rows = np.concatenate([first, first, first, first, second, second, second, second])
+        columns = np.concatenate([pose + 2, line, own, wheel, pose, pose + 1, line, line + 1])
+        turned = u * stack.sweep
+        values = np.concatenate([u, -u, turned, turned, -v * c, -v * s, v * (x * s - y * c), v])
         jacobian = sparse.csr_matrix((values, (rows, columns)), shape=(2 * n, size))
         return jacobian, np.concatenate([weight * turn, weight * gap])
 
@@ -198,9 +234,11 @@ class _Stack:
     bearing: Array
     sweep: Array
     range: Array
+    sure: Array
+    """One over the standard deviation of the bearing, [1/rad]."""
 
     @staticmethod
-    def of(sightings: list[Sighting], column: dict[int, int]) -> _Stack:
+    def of(sightings: list[Sighting], column: dict[int, int], config: SmoothingConfig) -> _Stack:
         lines = {chain: k for k, chain in enumerate(sorted(column))}
         return _Stack(
             scan=np.array([s.scan for s in sightings], dtype=np.intp),
@@ -208,6 +246,11 @@ class _Stack:
             bearing=np.array([s.bearing_rad for s in sightings], dtype=float),
             sweep=np.array([s.sweep_rad for s in sightings], dtype=float),
             range=np.array([s.range_m for s in sightings], dtype=float),
+            sure=1.0
+            / np.sqrt(
+                config.bearing_rad**2 / np.array([s.discs for s in sightings], dtype=float)
+                + config.bearing_least_rad**2
+            ),
         )
 
 

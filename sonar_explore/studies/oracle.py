@@ -21,9 +21,10 @@ from sonar_explore.envs.odometry import OdometryNoise
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Array, Pose, wrap_undirected
 from sonar_explore.measurement import Scan
-from sonar_explore.slam.features import Feature, FeatureConfig, FeatureKind, extract_features
+from sonar_explore.slam.agreement import AgreementConfig, Extraction, extract
+from sonar_explore.slam.features import Feature, FeatureConfig, FeatureKind
 from sonar_explore.slam.motion import Motion, MotionSum, RandomWalk
-from sonar_explore.slam.slam import sweep_rad
+from sonar_explore.slam.slam import turn_of
 from sonar_explore.slam.smoothing import Sighting, Smoother, SmoothingConfig
 from sonar_explore.studies.drives import Drive
 
@@ -44,7 +45,7 @@ class OracleConfig:
     beyond_m: float = 0.05
     """How far the foot may lie beyond the wall's end, [m]."""
     smoothing: SmoothingConfig = field(
-        default_factory=lambda: SmoothingConfig(bearing_rad=math.radians(1.1), range_m=0.010)
+        default_factory=lambda: SmoothingConfig(bearing_rad=math.radians(1.1), range_m=0.004)
     )
     """As features of walls were measured to be off at the true poses."""
 
@@ -61,7 +62,11 @@ class OracleResult:
 
 
 def oracle(
-    drive: Drive, noise: OdometryNoise, features: FeatureConfig, config: OracleConfig | None = None
+    drive: Drive,
+    noise: OdometryNoise,
+    features: FeatureConfig,
+    agreement: AgreementConfig,
+    config: OracleConfig | None = None,
 ) -> OracleResult:
     """Poses of a drive's scans from its measurements and their true associations."""
     config = config or OracleConfig()
@@ -69,11 +74,9 @@ def oracle(
     motions = _motions(drive, noise)
     turn_error = 0.0
     for _ in range(2):  # the second time with the smear of the scans taken out, as far as it was learned
-        seen = [extract_features(_unsmeared(scan, turn_error), features) for scan in drive.scans]
+        seen = [extract(_unsmeared(scan, turn_error), features, agreement) for scan in drive.scans]
         owners = [
-            true_walls(
-                pose, _unsmeared(scan, turn_error), found, _smear(scan, turn, turn_error), walls, config
-            )
+            true_walls(pose, found.features, _smear(scan, turn, turn_error), walls, config)
             for pose, scan, turn, found in zip(
                 drive.true_poses, drive.scans, drive.true_turns_rad, seen, strict=True
             )
@@ -81,7 +84,7 @@ def oracle(
         smoother = _solved(drive, motions, seen, owners, turn_error, noise, config)
         turn_error = float(smoother.wheels[0])
     poses = tuple(Pose(*map(float, row)) for row in smoother.poses)
-    return OracleResult(poses, tuple(owners), tuple(seen))
+    return OracleResult(poses, tuple(owners), tuple(found.features for found in seen))
 
 
 def straight_walls(world: World) -> Array:
@@ -107,7 +110,7 @@ def _hull(pieces: Array) -> Array:
 
 
 def true_walls(
-    true_pose: Pose, scan: Scan, features: Sequence[Feature], smear: float, walls: Array, config: OracleConfig
+    true_pose: Pose, features: Sequence[Feature], smear: float, walls: Array, config: OracleConfig
 ) -> tuple[int | None, ...]:
     """Row of the wall that each feature is of, seen from the true pose; None where it is of none.
 
@@ -115,7 +118,7 @@ def true_walls(
         smear: true over assumed turn of the scan, less one.
     """
     return tuple(
-        _true_wall(true_pose, f, f.bearing_rad + smear * sweep_rad(scan, f), walls, config)
+        _true_wall(true_pose, f, f.bearing_rad + smear * f.sweep_rad, walls, config)
         if f.kind is FeatureKind.WALL
         else None
         for f in features
@@ -139,7 +142,11 @@ def _true_wall(
 
 
 def _unsmeared(scan: Scan, turn_error: float) -> Scan:
-    return replace(scan, headings_rad=scan.headings_rad * (1.0 + turn_error))
+    return replace(
+        scan,
+        headings_rad=scan.headings_rad * (1.0 + turn_error),
+        others=tuple(_unsmeared(other, turn_error) for other in scan.others),
+    )
 
 
 def _smear(scan: Scan, true_turn_rad: float, turn_error: float) -> float:
@@ -164,14 +171,14 @@ def _motions(drive: Drive, noise: OdometryNoise) -> list[Motion]:
         last = here
         if isinstance(entry, Scan):
             motions.append(total.total)
-            total.clear()
+            total.clear(turn_of(entry))
     return motions[1:]
 
 
 def _solved(
     drive: Drive,
     motions: Sequence[Motion],
-    features: Sequence[Sequence[Feature]],
+    seen: Sequence[Extraction],
     walls: Sequence[Sequence[int | None]],
     turn_error: float,
     noise: OdometryNoise,
@@ -179,15 +186,17 @@ def _solved(
 ) -> Smoother:
     """The first guess is the truth: there is one minimum to be found, and it is near."""
     wheels = (max(abs(noise.base_ratio - 1.0), _LEAST), max(_bend(noise), _LEAST))
-    out = Smoother(drive.world.start, config.smoothing, wheels)
+    smoothing = replace(config.smoothing, turn_rad=max(noise.turn_sigma_rad, _LEAST))
+    out = Smoother(drive.world.start, smoothing, wheels)
     for i, pose in enumerate(drive.true_poses):
-        out.add_scan(pose, motions[i - 1] if i else None)
-        for feature, wall in zip(features[i], walls[i], strict=True):
+        turn = seen[i].turn
+        turn = turn and replace(turn, relative=turn.relative + turn_error)
+        out.add_scan(pose, motions[i - 1] if i else None, turn)
+        for feature, wall in zip(seen[i].features, walls[i], strict=True):
             if wall is None:
                 continue
-            sweep = sweep_rad(drive.scans[i], feature)
-            bearing = feature.bearing_rad - sweep * turn_error
-            out.add_sighting(Sighting(i, wall, bearing, sweep, feature.range_m))
+            bearing = feature.bearing_rad - feature.sweep_rad * turn_error
+            out.add_sighting(Sighting(i, wall, bearing, feature.sweep_rad, feature.range_m, feature.discs))
     for _ in range(MOST_ROUNDS):
         before = out.poses
         out.solve()

@@ -99,7 +99,9 @@ def edges(adr_deg, ndr, bearings_deg, p=None):
     normals = np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
     ndr = np.array(ndr, dtype=float)
     probability = np.array(p if p is not None else [1.0] * n)
-    residuals = Residuals(np.radians(adr_deg), ndr, normals, ndr, normals, probability, np.ones(n))
+    residuals = Residuals(
+        np.radians(adr_deg), ndr, normals, ndr, normals, probability, np.ones(n), np.ones(n)
+    )
     return [Association(i, i, 0, 0.0, 0.0, 0.0) for i in range(n)], residuals
 
 

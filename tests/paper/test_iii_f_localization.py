@@ -27,7 +27,7 @@ def residuals(bearings_rad, ndr, adr=None, ranges=None):
     n = len(bearings_rad)
     normals = np.stack([np.cos(bearings_rad), np.sin(bearings_rad)], axis=1)
     ndr, adr = np.array(ndr, float), np.zeros(n) if adr is None else np.array(adr, float)
-    return Residuals(adr, ndr, normals, ndr, normals, np.ones(n), np.array(ranges or [1.0] * n))
+    return Residuals(adr, ndr, normals, ndr, normals, np.ones(n), np.array(ranges or [1.0] * n), np.ones(n))
 
 
 def shift(bearings_rad, ndr, weights=None):

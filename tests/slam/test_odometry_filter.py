@@ -20,7 +20,7 @@ ON = FilterConfig(enabled=True)
 def residuals(adr_rad, ndr_m, normals=NORMALS):
     n = len(normals)
     adr, ndr = np.broadcast_to(adr_rad, n).astype(float), np.broadcast_to(ndr_m, n).astype(float)
-    return Residuals(adr, ndr, normals, ndr, normals, np.ones(n), np.ones(n))
+    return Residuals(adr, ndr, normals, ndr, normals, np.ones(n), np.ones(n), np.ones(n))
 
 
 def seen(true, believed, turn_error_left, spin, rng):

@@ -11,6 +11,7 @@ from sonar_explore.envs.simulator import Simulator, SimulatorConfig
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Pose, wrap_angle
 from sonar_explore.slam import make_slam
+from sonar_explore.slam.agreement import TurnError
 from sonar_explore.slam.motion import MotionSum, RandomWalk
 from sonar_explore.slam.smoothing import Sighting, Smoother, SmoothingConfig, _Stack
 
@@ -28,7 +29,7 @@ def loop(turn_error=0.0, rounds=2):
         for k in range(int(leg)):
             turn = 0.5 * math.pi * (k == int(leg) - 1)
             odometry = Pose(0.0, 0.0, 0.0)
-            sums.clear()
+            sums.clear(math.tau / (1.0 + turn_error))
             for forward, spin in ((0.0, math.tau), (1.0, 0.0), (0.0, turn)):
                 after = odometry @ Pose(forward, 0.0, spin / (1.0 + turn_error))
                 sums.add(odometry, after)
@@ -87,21 +88,28 @@ def test_the_jacobian_agrees_with_finite_differences():
     rng = np.random.default_rng(3)
     poses, motions = loop(rounds=1)
     out = smoother(poses, motions, rng, off=(0.05, 0.05, 0.03))
-    out.wheels = rng.normal(0, 0.01, 2)
+    out.wheels, out.own = rng.normal(0, 0.01, 2), rng.normal(0, 0.01, len(poses))
+    out._turns = [(k, TurnError(0.01, 0.004)) for k in (0, 2)]
     chains = sorted(out._lines)
     lines = np.array([out._lines[c] for c in chains]) + rng.normal(0, 0.02, (len(chains), 2))
-    n, size = len(out.poses), 3 * len(out.poses) + 2 * len(chains) + 2
+    n, size = len(out.poses), 4 * len(out.poses) + 2 * len(chains) + 2
     seen = [
         Sighting(s.scan, s.chain, s.bearing_rad, 0.1 * k, s.range_m) for k, s in enumerate(out._sightings)
     ]
-    stack = _Stack.of(seen, dict.fromkeys(chains, 0))
+    stack = _Stack.of(seen, dict.fromkeys(chains, 0), SmoothingConfig())
 
     def parts(step):
-        before = out.poses, out.wheels
-        out.poses, out.wheels = before[0] + step[: 3 * n].reshape(n, 3), before[1] + step[-2:]
-        now = lines + step[3 * n : -2].reshape(-1, 2)
-        blocks = out._anchor(size), out._odometry(size), out._sighted(stack, now, size, np.ones_like)
-        out.poses, out.wheels = before
+        before = out.poses, out.own, out.wheels
+        out.poses, out.own = before[0] + step[: 3 * n].reshape(n, 3), before[1] + step[3 * n : 4 * n]
+        out.wheels = before[2] + step[-2:]
+        now = lines + step[4 * n : -2].reshape(-1, 2)
+        blocks = (
+            out._anchor(size),
+            out._own_turns(size),
+            out._odometry(size),
+            out._sighted(stack, now, size, np.ones_like),
+        )
+        out.poses, out.own, out.wheels = before
         return [b[0].toarray() for b in blocks], [b[1] for b in blocks]
 
     jacobians, _ = parts(np.zeros(size))

@@ -11,13 +11,12 @@ from sonar_explore.config import ExplorationConfig
 from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.envs.world import World, load_world
 from sonar_explore.geometry import Pose, Segment
-from sonar_explore.measurement import Scan
 from sonar_explore.slam import Feature, FeatureKind, SlamConfig, make_slam
 from sonar_explore.studies.drives import record_drive
 from sonar_explore.studies.oracle import OracleConfig, oracle, straight_walls, true_walls
 
-FEATURES = SlamConfig.robust().features
-SHORT = ExplorationConfig(max_scans=8)
+FEATURES, AGREEMENT = SlamConfig.robust().features, SlamConfig.robust().agreement
+SHORT = ExplorationConfig(max_scans=14)
 
 
 @pytest.fixture(scope="module", params=["ideal", "paper", "worn"])
@@ -25,10 +24,10 @@ def drive_and_noise(request):
     return record_drive("paper/bend", request.param, seed=3, config=SHORT), request.param
 
 
-def seen(bearing_rad, range_m, kind=FeatureKind.WALL, reading=0):
+def seen(bearing_rad, range_m, kind=FeatureKind.WALL, sweep_rad=0.0):
     """A feature as an extractor would report it."""
     x, y = range_m * math.cos(bearing_rad), range_m * math.sin(bearing_rad)
-    return Feature(kind, bearing_rad, range_m, 0.3, Segment(x, y, x, y), (reading,))
+    return Feature(kind, bearing_rad, range_m, 0.3, Segment(x, y, x, y), (0,), sweep_rad)
 
 
 def errors(poses, drive):
@@ -37,18 +36,18 @@ def errors(poses, drive):
 
 def test_the_oracle_is_nearer_the_truth_than_dead_reckoning(drive_and_noise):
     drive, noise = drive_and_noise
-    found = errors(oracle(drive, noise_preset(noise), FEATURES).poses, drive)
+    found = errors(oracle(drive, noise_preset(noise), FEATURES, AGREEMENT).poses, drive)
     slam = make_slam("off", drive.world.start)
     for entry in drive.log:
         slam.predict(entry) if isinstance(entry, Pose) else slam.update(entry)
     blind = errors([e.pose for e in slam.scans], drive)
-    assert found.max() < 0.1
-    assert noise == "ideal" or found.mean() < 0.5 * blind.mean()
+    assert found.max() < {"ideal": 0.03, "paper": 0.2, "worn": 0.3}[noise]
+    assert noise == "ideal" or found.mean() < 0.7 * blind.mean()
 
 
 def test_with_wheels_that_do_not_err_the_oracle_is_off_by_millimetres():
     drive = record_drive("paper/corridor", "ideal", seed=1, config=SHORT)
-    assert errors(oracle(drive, noise_preset("ideal"), FEATURES).poses, drive).max() < 0.005
+    assert errors(oracle(drive, noise_preset("ideal"), FEATURES, AGREEMENT).poses, drive).max() < 0.005
 
 
 def test_the_same_seed_gives_the_same_drive_and_another_seed_another():
@@ -82,12 +81,11 @@ def test_a_wall_cut_at_a_junction_is_one_wall():
 
 def test_a_feature_is_of_the_wall_it_lies_on_and_one_on_no_wall_of_none():
     walls = np.array([[0.0, 0.0, 4.0, 0.0], [0.0, 0.3, 4.0, 0.3]])
-    scan = Scan(Pose(0, 0, 0), np.arange(90) * math.tau / 90, np.full(90, 5.0), Pose(0, 0, 0), 5.0)
     pose = Pose(2.0, 1.3, 0.7)
 
     def of(bearing, distance, x=2.0):
         feature = seen(bearing - pose.heading, distance)
-        return true_walls(replace(pose, x=x), scan, [feature], 0.0, walls, OracleConfig())[0]
+        return true_walls(replace(pose, x=x), [feature], 0.0, walls, OracleConfig())[0]
 
     down = -math.pi / 2
     assert of(down, 1.3) == 0 and of(down, 1.0) == 1
@@ -95,13 +93,12 @@ def test_a_feature_is_of_the_wall_it_lies_on_and_one_on_no_wall_of_none():
     assert of(down + math.radians(20), 1.0) is None, "not along the normal"
     assert of(down, 1.0, x=4.2) is None, "beyond the end"
     edge = seen(down - pose.heading, 1.0, FeatureKind.EDGE)
-    assert true_walls(pose, scan, [edge], 0.0, walls, OracleConfig()) == (None,)
+    assert true_walls(pose, [edge], 0.0, walls, OracleConfig()) == (None,)
 
 
 def test_the_smear_of_a_scan_is_taken_out_before_the_wall_is_looked_for():
     walls = np.array([[0.0, 0.0, 4.0, 0.0]])
-    scan = Scan(Pose(0, 0, 0), np.arange(90) * math.tau / 90, np.full(90, 5.0), Pose(0, 0, 0), 5.0)
-    feature = seen(-math.pi / 2 - math.radians(9), 1.0, reading=80)
-    pose, smear = Pose(2.0, 1.0, 0.0), math.radians(9) / scan.headings_rad[80]
-    assert true_walls(pose, scan, [feature], 0.0, walls, OracleConfig()) == (None,)
-    assert true_walls(pose, scan, [feature], smear, walls, OracleConfig()) == (0,)
+    feature = seen(-math.pi / 2 - math.radians(9), 1.0, sweep_rad=5.5)
+    pose, smear = Pose(2.0, 1.0, 0.0), math.radians(9) / 5.5
+    assert true_walls(pose, [feature], 0.0, walls, OracleConfig()) == (None,)
+    assert true_walls(pose, [feature], smear, walls, OracleConfig()) == (0,)

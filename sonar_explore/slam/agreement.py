@@ -1,0 +1,204 @@
+"""Walls on which several discs agree (beyond the paper).
+
+While the robot turns once, every one of its discs hears the whole room, each at other headings of the lattice, at
+other times of the turn, and from another place beside the turning axis. The paper keeps one and throws seven away.
+Kept, they tell three things that one cannot:
+
+- the bearing of a wall, as the mean of up to eight;
+- whether it is a wall: the normal of a plane has one bearing for all of them, while a point (edge, corner, column) is
+  heard when the axis of the disc goes through it, which for a disc beside the turning axis is another heading. Two
+  discs 15 cm apart across their axes hear an edge a metre away 9 degrees apart;
+- how wrong the turn was: the same wall, heard early by one disc and late by another, has moved by the error.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonar_explore.geometry import Array, Pose, wrap_angle
+from sonar_explore.measurement import Scan
+from sonar_explore.slam.features import (
+    Feature,
+    FeatureConfig,
+    FeatureKind,
+    extract_features,
+    extract_walls,
+    tangent,
+)
+
+
+@dataclass(frozen=True)
+class AgreementConfig:
+    """What counts as the same thing heard by several discs, and as a wall."""
+
+    enabled: bool = False
+    """The paper stores the readings of only one sensor (section IV)."""
+    discs_min: int = 4
+    """Fewer discs agree on nothing."""
+    bearing_rad: float = math.radians(6.0)
+    """Bearings of one thing differ by no more, [rad]."""
+    range_m: float = 0.03
+    """Nor its ranges by more than this, [m]."""
+    point_share: float = 0.5
+    """Bearings that shift with the discs by more than this share of what a point's would are no wall's."""
+    noise_rad: float = math.radians(1.2)
+    """Standard deviation of one disc's bearing of a wall, [rad]."""
+
+
+@dataclass(frozen=True)
+class TurnError:
+    """By how much more the robot truly turned than its odometry says, as the walls tell it."""
+
+    relative: float
+    """True turn over counted turn, less one."""
+    sigma: float
+    """Its standard deviation."""
+
+
+@dataclass(frozen=True)
+class Extraction:
+    """What one turn of the robot says."""
+
+    features: tuple[Feature, ...]
+    """By bearing."""
+    turn: TurnError | None = None
+    """None where no wall was heard by several discs."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Heard:
+    """What passed for a wall with some disc; every array has shape (n,)."""
+
+    disc: np.ndarray
+    bearing: Array
+    range: Array
+    sweep: Array
+    width: Array
+    aside: Array
+    """How far the axis of the disc passes from the turning axis, to its left, [m]."""
+
+    def only(self, rows: Array) -> _Heard:
+        return _Heard(
+            self.disc[rows],
+            self.bearing[rows],
+            self.range[rows],
+            self.sweep[rows],
+            self.width[rows],
+            self.aside[rows],
+        )
+
+
+def extract(scan: Scan, config: FeatureConfig, agreement: AgreementConfig) -> Extraction:
+    """Features of one scan: those that its one disc heard (the paper), or those on which all its discs agree."""
+    first = extract_features(scan, config)
+    if not agreement.enabled or not scan.others:
+        return Extraction(first)
+    found = [first, *(extract_walls(other, config) for other in scan.others)]
+    heard = _heard((scan, *scan.others), found)
+    things = [_unwrapped(heard.only(rows)) for rows in _things(heard, agreement)]
+    agreed = [_feature(thing, first, config, agreement) for thing in things]
+    walls = [t for t, f in zip(things, agreed, strict=True) if f.kind is FeatureKind.WALL]
+    points = [
+        f for f in first if f.kind is not FeatureKind.WALL and not any(_same(f, a, agreement) for a in agreed)
+    ]
+    features = tuple(sorted([*agreed, *points], key=lambda feature: feature.bearing_rad))
+    return Extraction(features, _turn_error(walls, agreement))
+
+
+def _heard(discs: Sequence[Scan], found: Sequence[Sequence[Feature]]) -> _Heard:
+    rows = [
+        (k, f.bearing_rad, f.range_m, f.sweep_rad, f.width_rad, _aside(scan.pose_sonar_in_robot))
+        for k, (scan, features) in enumerate(zip(discs, found, strict=True))
+        for f in features
+        if f.kind is FeatureKind.WALL
+    ]
+    disc, *rest = np.array(rows, dtype=float).reshape(-1, 6).T
+    return _Heard(disc.astype(int), *rest)
+
+
+def _aside(mount: Pose) -> float:
+    return mount.y * math.cos(mount.heading) - mount.x * math.sin(mount.heading)
+
+
+def _things(heard: _Heard, config: AgreementConfig) -> list[np.ndarray]:
+    """Rows of each thing that enough discs heard, one row a disc: what most discs heard first, then the closest."""
+    apart = (
+        np.abs(wrap_angle(heard.bearing[:, None] - heard.bearing[None, :])) / config.bearing_rad,
+        np.abs(heard.range[:, None] - heard.range[None, :]) / config.range_m,
+    )
+    distance = np.where((apart[0] <= 1.0) & (apart[1] <= 1.0), apart[0] + apart[1], np.inf)
+    things = []
+    while len(distance):
+        per_disc = [distance[:, heard.disc == k] for k in np.unique(heard.disc)]
+        nearest = np.column_stack(
+            [d.min(axis=1) if d.shape[1] else np.full(len(d), np.inf) for d in per_disc]
+        )
+        count = np.isfinite(nearest).sum(axis=1)
+        if count.max() < config.discs_min:
+            break
+        spread = np.where(np.isfinite(nearest), nearest, 0.0).sum(axis=1)
+        seed = np.lexsort((heard.bearing, spread.round(9), -count))[0]
+        rows = [
+            np.flatnonzero(heard.disc == k)[int(np.argmin(distance[seed, heard.disc == k]))]
+            for k in np.unique(heard.disc)
+            if np.isfinite(distance[seed, heard.disc == k]).any()
+        ]
+        things.append(np.array(rows))
+        distance[rows, :] = distance[:, rows] = np.inf
+    return things
+
+
+def _unwrapped(thing: _Heard) -> _Heard:
+    """With bearings that do not jump at half a turn."""
+    bearing = thing.bearing[0] + wrap_angle(thing.bearing - thing.bearing[0])
+    return _Heard(thing.disc, bearing, thing.range, thing.sweep, thing.width, thing.aside)
+
+
+def _feature(
+    thing: _Heard, first: Sequence[Feature], config: FeatureConfig, agreement: AgreementConfig
+) -> Feature:
+    """The wall or the point that all of these heard."""
+    depth = float(thing.range.mean())
+    aside = thing.aside / depth
+    lever = aside - aside.mean()
+    scatter = float(lever @ lever)
+    share = float(lever @ thing.bearing) / scatter if scatter > 1e-9 else 0.0
+    bearing, width = float(thing.bearing.mean()), float(thing.width.mean())
+    kind = FeatureKind.WALL
+    if abs(share) > agreement.point_share:
+        kind, bearing = FeatureKind.EDGE, bearing - share * float(aside.mean())
+    own = [f for f in first if f.kind is FeatureKind.WALL and _near(f, bearing, depth, agreement)]
+    return Feature(
+        kind=kind,
+        bearing_rad=wrap_angle(bearing),
+        range_m=depth,
+        width_rad=width,
+        segment=tangent(kind, bearing, depth, width, config),
+        readings=own[0].readings if own else (),
+        sweep_rad=float(thing.sweep.mean()),
+        discs=len(thing.disc),
+    )
+
+
+def _near(feature: Feature, bearing: float, depth: float, config: AgreementConfig) -> bool:
+    return (
+        abs(wrap_angle(feature.bearing_rad - bearing)) <= config.bearing_rad
+        and abs(feature.range_m - depth) <= config.range_m
+    )
+
+
+def _same(feature: Feature, other: Feature, config: AgreementConfig) -> bool:
+    return _near(feature, other.bearing_rad, other.range_m, config)
+
+
+def _turn_error(walls: Sequence[_Heard], config: AgreementConfig) -> TurnError | None:
+    """Least squares over all walls: each has one bearing, less the error times how far the robot had turned."""
+    pull = sum(float((w.sweep - w.sweep.mean()) @ w.bearing) for w in walls)
+    weight = sum(float(((w.sweep - w.sweep.mean()) ** 2).sum()) for w in walls)
+    if weight <= 0.0:
+        return None
+    return TurnError(-pull / weight, config.noise_rad / math.sqrt(weight))
