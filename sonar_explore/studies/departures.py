@@ -70,6 +70,15 @@ DEPARTURES: tuple[Departure, ...] = (
         "other wall was not heard.",
     ),
     Departure(
+        "all-discs",
+        "slam.agreement.enabled",
+        False,
+        "IV",
+        "All eight discs are recorded while the robot turns, not one: a wall is what at least four of them hear at one "
+        "bearing, which eight together know four times as well; a point is told from a plane by how its bearing shifts "
+        "with the discs; and walls heard early by one and late by another tell the error of the turn itself.",
+    ),
+    Departure(
         "turning-check",
         "slam.turning.enabled",
         False,
