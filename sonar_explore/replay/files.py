@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
@@ -27,6 +28,7 @@ MAX_BYTES = 64 * 2**20
 MAX_SCANS = 5000
 MAX_READINGS = 720
 MAX_ODOMETRY = 100_000  # poses between two scans
+MAX_OTHERS = 31  # discs besides the first
 FAR_M = 10_000.0
 
 Length = Annotated[float, Meta(ge=-FAR_M, le=FAR_M)]
@@ -49,6 +51,15 @@ class HeadLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A known sensor: what its beam is like."""
 
 
+class DiscLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What another disc heard at the headings of the same turn."""
+
+    sonar: Pose3
+    """Where it sits on the robot: x y [m], heading [rad]."""
+    ranges: Ranges
+    """From it, [m]."""
+
+
 class ScanLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Every other line: the way since the last scan, and the scan."""
 
@@ -64,6 +75,8 @@ class ScanLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     """Where the disc sits on the robot: x y [m], heading [rad]."""
     ring: Annotated[list[Pose3], Meta(max_length=MAX_READINGS)] | None = None
     """Of a ring scan: where the disc of each reading sits."""
+    others: Annotated[list[DiscLine], Meta(max_length=MAX_OTHERS)] = []
+    """The same turn as other discs heard it."""
     odometry: Annotated[list[Pose3], Meta(max_length=MAX_ODOMETRY)] = []
     """Odometry on the way from the last scan, in order."""
     reference: Pose3 | None = None
@@ -119,6 +132,9 @@ def _lines(log: Log) -> Iterator[ScanLine]:
             range_max=entry.range_max_m,
             sonar=_row(entry.pose_sonar_in_robot),
             ring=None if entry.ring is None else [_row(Pose(*disc)) for disc in entry.ring.tolist()],
+            others=[
+                DiscLine(_row(o.pose_sonar_in_robot), [float(r) for r in o.ranges_m]) for o in entry.others
+            ],
             odometry=way,
             reference=None if reference is None else _row(reference),
         )
@@ -160,8 +176,19 @@ def _scan(path: Path, number: int, line: ScanLine) -> Scan:
         range_max_m=line.range_max,
         ring=None if line.ring is None else np.array(line.ring, dtype=float).reshape(-1, 3),
     )
+    others = tuple(
+        replace(
+            scan,
+            ranges_m=np.minimum(np.array(other.ranges), line.range_max),
+            pose_sonar_in_robot=Pose(*other.sonar),
+            ring=None,
+        )
+        for other in line.others
+    )
+    scan = replace(scan, others=others)
     try:
-        check_scan(scan)
+        for one in (scan, *others):
+            check_scan(one)
     except SonarExploreError as error:
         raise SonarExploreError(f"{path} line {number}: {error}") from error
     if math.fabs(scan.bearings_rad[-1] - scan.bearings_rad[0]) >= math.tau:
