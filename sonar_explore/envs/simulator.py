@@ -71,29 +71,28 @@ class Simulator:
         """Drive for one ping interval, stop at a wall, fire the next disc of the ring."""
         robot = self.config.robot
         dt = robot.ping_interval_s
-        speed = min(robot.speed_max_m_s, max(-robot.speed_max_m_s, speed_m_s))
-        turn_rate = min(robot.turn_rate_max_rad_s, max(-robot.turn_rate_max_rad_s, turn_rate_rad_s))
-        forward, turn = speed * dt, turn_rate * dt
-        true_motion = self._wheels.true_motion(forward, turn)
+        speed_max, turn_rate_max = robot.speed_max_m_s, robot.turn_rate_max_rad_s
+        forward = min(speed_max, max(-speed_max, speed_m_s)) * dt
+        turn = min(turn_rate_max, max(-turn_rate_max, turn_rate_rad_s)) * dt
         disc = self._next_disc
+        true_forward, true_turn = self._wheels.true_motion(forward, turn)
         drive_and_fire(
-            self._state, forward, turn, *true_motion, robot.radius_m, *self._mounts[disc], *self._hearing
+            self._state, forward, turn, true_forward, true_turn, robot.radius_m, *self._mounts[disc], *self._hearing
         )
         state = self._state.tolist()
-        self._after(forward, bool(state[OUTCOME][1]), Pose(*state[TRUE]), Pose(*state[ODOMETRY]))
+        self.true_pose, self.pose_robot_in_odometry = Pose(*state[TRUE]), Pose(*state[ODOMETRY])
+        range_m, touching, _ = state[OUTCOME]
+        if touching:
+            self.contacts += not self.bumper
+        else:
+            self.driven_m += abs(forward)
+        self.bumper = bool(touching)
+        if not self.true_trail or self.true_pose.distance_to(self.true_trail[-1]) >= 0.05:
+            self.true_trail.append(self.true_pose)
         self.time_s += dt
         self.ring_m = self.ring_m.copy()
-        self.ring_m[disc] = measured_once(state[OUTCOME][0], self._range_scale, self.config.sonar, self._rng)
-        self._next_disc = (disc + 1) % len(robot.sonars)
-
-    def _after(self, forward_m: float, touching: bool, true_pose: Pose, pose_robot_in_odometry: Pose) -> None:
-        """Count what a move came to."""
-        self.contacts += touching and not self.bumper
-        self.bumper = touching
-        self.driven_m += 0.0 if touching else abs(forward_m)
-        self.true_pose, self.pose_robot_in_odometry = true_pose, pose_robot_in_odometry
-        if not self.true_trail or true_pose.distance_to(self.true_trail[-1]) >= 0.05:
-            self.true_trail.append(true_pose)
+        self.ring_m[disc] = measured_once(range_m, self._range_scale, self.config.sonar, self._rng)
+        self._next_disc = (disc + 1) % len(self._mounts)
 
     def scan(self, direction: int) -> Scan:
         """Turn once on the spot. The odometry error acts during the turn: the scan is smeared."""

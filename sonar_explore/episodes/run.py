@@ -37,7 +37,7 @@ from sonar_explore.episodes.record import (
 )
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.explorer import Situation, Trip
-from sonar_explore.geometry import Pose
+from sonar_explore.geometry import Array, Pose
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.replay.log import Recorder
 from sonar_explore.slam import ScanUpdate
@@ -172,8 +172,8 @@ class _Log:
             true_pose=_pose(now.true_pose),
             trail=[_pose(p) for p in now.trail],
             true_trail=[_pose(p) for p in now.true_trail],
-            scan_headings_rad=[_round(h) for h in scan.headings_rad],
-            scan_ranges_m=[_round(r) for r in scan.ranges_m],
+            scan_headings_rad=_rounded(scan.headings_rad),
+            scan_ranges_m=_rounded(scan.ranges_m),
             scan_ring=[] if scan.ring is None else [_pose(Pose(*disc)) for disc in scan.ring],
             odometry=_pose(scan.pose_robot_in_odometry),
             features=[_feature_record(f, update.pose) for f in update.features],
@@ -226,6 +226,10 @@ def _round(value: float) -> float:
     return round(float(value), 6)
 
 
+def _rounded(values: Array) -> list[float]:
+    return [round(value, 6) for value in values.tolist()]
+
+
 def _pose(pose: Pose) -> Pose3:
     return _round(pose.x), _round(pose.y), _round(pose.heading)
 
@@ -269,7 +273,7 @@ def _decision_record(situation: Situation, decision: Decision, trip: Trip) -> De
         )
         for c, score in zip(situation.candidates, decision.scores, strict=True)
     ]
-    path = [(_round(x), _round(y)) for x, y in trip.path]
+    path = [(_round(x), _round(y)) for x, y in trip.path.tolist()]
     return DecisionRecord(candidates=candidates, chosen=decision.chosen, outcome=trip.end.value, path=path)
 
 

@@ -40,9 +40,8 @@ def find_frontiers(grid: OccupancyGrid, body_radius_m: float, min_length_m: floa
     A frontier cell is free, passable, and touches a passable unknown cell.
     """
     way = passable(grid, body_radius_m)
-    edge = np.zeros(grid.frame.shape, dtype=bool)
-    _mark_edge(grid.states, way, edge)
-    cells, regions = labelled(edge)
+    cells = _edge(grid.states, way)
+    regions = labelled(cells, grid.frame.shape)
     order = np.argsort(regions, kind="stable")
     ends = np.cumsum(np.bincount(regions))
     found = [
@@ -54,13 +53,20 @@ def find_frontiers(grid: OccupancyGrid, body_radius_m: float, min_length_m: floa
 
 
 @kernel
-def _mark_edge(states, way, edge):  # type: ignore[no-untyped-def]
+def _edge(states, way):  # type: ignore[no-untyped-def]
+    """Free, passable cells that touch a passable unknown one, by rows, shape (n, 2)."""
     rows, columns = states.shape
+    cells = np.empty((states.size, 2), dtype=np.int64)
+    count = 0
     for row in range(rows):
         for column in range(columns):
             if states[row, column] != FREE or not way[row, column]:
                 continue
+            touches = False
             for r in range(max(0, row - 1), min(rows, row + 2)):
                 for c in range(max(0, column - 1), min(columns, column + 2)):
-                    if states[r, c] == UNKNOWN and way[r, c]:
-                        edge[row, column] = True
+                    touches = touches or (states[r, c] == UNKNOWN and way[r, c])
+            if touches:
+                cells[count, 0], cells[count, 1] = row, column
+                count += 1
+    return cells[:count].copy()

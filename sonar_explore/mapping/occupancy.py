@@ -25,6 +25,7 @@ from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array, Pose, wrap_angle
 from sonar_explore.mapping.distance import distances
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States
+from sonar_explore.mapping.rows import differing_rows
 from sonar_explore.mapping.sectors import Sectors, cut_at_walls, in_reach, mark_segments
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.features import Feature, FeatureKind, compensated_ranges
@@ -203,7 +204,7 @@ class OccupancyMapper:
         self._frame: GridFrame | None = None
         self._sectors = Sectors()
         self._placed: list[_Placed] = []
-        self._barriers: set[tuple[float, ...]] = set()
+        self._barriers: Array = np.zeros((0, 4))
         self._pivots: Mask = np.zeros(0, dtype=bool)
         self.recent_points: Array = np.zeros((0, 2))
         """Corners, edges and columns that the last scans saw, x y, shape (n, 2), map frame, [m]."""
@@ -291,13 +292,12 @@ class OccupancyMapper:
         barriers: Array,
     ) -> NDArray[np.int64]:
         """Scans that may clear other cells than last time: they moved, or a wall of theirs or near them changed."""
-        rows = set(map(tuple, barriers.tolist()))
-        changed = np.array(sorted(rows ^ self._barriers), dtype=float).reshape(-1, 4)
+        changed = differing_rows(barriers, self._barriers)
         places = np.array([(p.x, p.y) for p in poses])
         reach = np.array([look.reach_m for look in looks]) + self._config.wall_margin_m
         again = moved | in_reach(places, reach, changed)
         again[scan[: len(self._pivots)][pivots[: len(self._pivots)] != self._pivots]] = True
-        self._barriers, self._pivots = rows, pivots
+        self._barriers, self._pivots = barriers, pivots
         return np.flatnonzero(again)
 
     def _covering(self, poses: Sequence[Pose]) -> GridFrame:
@@ -383,8 +383,7 @@ def bridges(walls: Array, gap_m: float) -> Array:
 
 
 def _add_cells(frame: GridFrame, evidence: Array, points: Array, weight: float) -> None:
-    if not len(points):
-        return
-    cells = np.unique(frame.cells(points), axis=0)
+    """Add a weight to each cell that holds a point, once."""
+    cells = frame.cells(points)
     cells = cells[frame.contains(cells)]
-    evidence[cells[:, 0], cells[:, 1]] += weight
+    evidence.ravel()[np.unique(cells[:, 0] * frame.shape[1] + cells[:, 1])] += weight

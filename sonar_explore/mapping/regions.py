@@ -16,15 +16,12 @@ def without_holes(mask: Mask, most: int) -> Mask:
     return out
 
 
-def labelled(mask: Mask) -> tuple[Cells, NDArray[np.int64]]:
-    """Cells of a mask by rows, shape (n, 2), and the region of each, shape (n,).
+def labelled(cells: Cells, shape: tuple[int, int]) -> NDArray[np.int64]:
+    """The region of each cell, shape (n,), of cells by rows, shape (n, 2), on a grid of this shape.
 
     Regions join by sides and corners, and count from 0 by their first cells.
     """
-    cells = np.argwhere(mask)
-    regions = np.full(len(cells), -1)
-    _label(mask, cells, regions)
-    return cells, regions
+    return np.asarray(_label(cells, shape[0], shape[1]))
 
 
 @kernel
@@ -61,8 +58,8 @@ def _fill(mask, most):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _label(mask, cells, regions):  # type: ignore[no-untyped-def]
-    rows, columns = mask.shape
+def _label(cells, rows, columns):  # type: ignore[no-untyped-def]
+    regions = np.full(len(cells), -1)
     index = np.full((rows, columns), -1, dtype=np.int32)
     for i in range(len(cells)):
         index[cells[i, 0], cells[i, 1]] = i
@@ -83,3 +80,4 @@ def _label(mask, cells, regions):  # type: ignore[no-untyped-def]
                         queue[count], regions[i] = i, region
                         count += 1
         region += 1
+    return regions

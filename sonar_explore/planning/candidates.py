@@ -173,15 +173,17 @@ def _roomiest(usable, room, x0, y0, resolution, spacing):  # type: ignore[no-unt
     last_row = int(math.floor(((rows - 0.5) * resolution + y0) / spacing))
     last_column = int(math.floor(((columns - 0.5) * resolution + x0) / spacing))
     best = np.full((last_row - first_row + 1, last_column - first_column + 1, 2), -1)
+    most = np.full(best.shape[:2], -np.inf)
+    square = np.empty(columns, dtype=np.int64)
+    for column in range(columns):
+        square[column] = int(math.floor(((column + 0.5) * resolution + x0) / spacing)) - first_column
     for row in range(rows):
         i = int(math.floor(((row + 0.5) * resolution + y0) / spacing)) - first_row
         for column in range(columns):
-            if not usable[row, column]:
-                continue
-            j = int(math.floor(((column + 0.5) * resolution + x0) / spacing)) - first_column
-            r, c = best[i, j]
-            if r < 0 or np.rint(room[row, column] * 1e6) > np.rint(room[r, c] * 1e6):
-                best[i, j, 0], best[i, j, 1] = row, column
+            if usable[row, column]:
+                here, j = np.rint(room[row, column] * 1e6), square[column]
+                if here > most[i, j]:
+                    most[i, j], best[i, j, 0], best[i, j, 1] = here, row, column
     flat = best.reshape(-1, 2)
     return flat[flat[:, 0] >= 0]
 

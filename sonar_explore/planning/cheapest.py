@@ -24,9 +24,7 @@ def cheapest_costs(cost: Array, start: tuple[int, int]) -> Array:
         start: (row, column); its cost is finite.
     """
     out = np.full(cost.shape, np.inf)
-    dearest = float(cost.max(initial=1.0, where=np.isfinite(cost)))
-    buckets = np.full(math.ceil(_SQRT2 * dearest) + 2, -1, dtype=np.int64)
-    _spread(cost, start[0], start[1], out, buckets)
+    _spread(cost, start[0], start[1], out)
     return out
 
 
@@ -39,9 +37,15 @@ def cheapest_way(cost: Array, costs: Array, end: tuple[int, int]) -> Cells:
 
 
 @kernel
-def _spread(cost, row, column, out, buckets):  # type: ignore[no-untyped-def]
+def _spread(cost, row, column, out):  # type: ignore[no-untyped-def]
     """Bucket k holds the cells between k and k + 1 away. No step costs less than 1: they all are final at once."""
     rows, columns = cost.shape
+    dearest = 1.0
+    for r in range(rows):
+        for c in range(columns):
+            if dearest < cost[r, c] < np.inf:
+                dearest = cost[r, c]
+    buckets = np.full(int(math.ceil(_SQRT2 * dearest)) + 2, -1)
     cells = np.empty(8 * cost.size + 1, dtype=np.int32)
     following = np.empty(8 * cost.size + 1, dtype=np.int32)
     out[row, column] = 0.0

@@ -10,6 +10,7 @@ from skimage.morphology import remove_small_holes
 
 from sonar_explore.mapping.distance import distances
 from sonar_explore.mapping.regions import labelled, without_holes
+from sonar_explore.mapping.rows import differing_rows
 
 seeds = st.integers(0, 10_000)
 
@@ -31,9 +32,17 @@ def test_small_holes_are_those_of_scikit_image(seed):
 @given(seeds)
 def test_regions_are_those_of_scikit_image(seed):
     mask, _ = patches(seed)
-    cells, regions = labelled(mask)
-    assert (cells == np.argwhere(mask)).all()
-    assert (label(mask, connectivity=2)[mask] - 1 == regions).all()
+    assert (label(mask, connectivity=2)[mask] - 1 == labelled(np.argwhere(mask), mask.shape)).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(seeds)
+def test_rows_differ_that_only_one_list_has(seed):
+    rng = np.random.default_rng(seed)
+    first, second = (rng.integers(-1, 2, (rng.integers(0, 60), 4)).astype(float) for _ in range(2))
+    sets = set(map(tuple, first.tolist())), set(map(tuple, second.tolist()))
+    found = differing_rows(first, second)
+    assert set(map(tuple, found.tolist())) == sets[0] ^ sets[1]
 
 
 @settings(max_examples=150, deadline=None)
