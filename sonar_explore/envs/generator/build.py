@@ -26,7 +26,7 @@ SPARE_M = 0.15
 LEAF_M = 0.04
 """Thickness of the leaf of a door, [m]."""
 _BODY_M = AmigoBot.radius_m + SPARE_M
-_COARSE, _FINE = 3, 32  # pieces of a quarter turn: for a room, and for the whole building
+_COARSE, _FINE = 3, 32  # pieces of a quarter turn: to see whether a way is left, and to measure how wide it is
 _GRID_M = 0.001
 _GAP_M = 0.02
 _MOST_ATTEMPTS = 50
@@ -68,12 +68,13 @@ def _furnish(
     columns = columns[shapely.contains_xy(free, columns[:, :2])]
     to_walls = shapely.distance(free.boundary, shapely.points(columns[:, :2]))
     columns = columns[to_walls > columns[:, 2] + _GAP_M]
-    room_to_move = free.difference(_discs(columns, _FINE)) if len(columns) else free
-    if len(shapely.get_parts(_eroded(room_to_move, _BODY_M, _FINE))) != 1:
+    if len(shapely.get_parts(_room_for(_BODY_M, free, columns, _FINE))) != 1:
         return None
+    room_to_move = free.difference(_discs(columns, _FINE)) if len(columns) else free
     start = _start(layout, room_to_move, columns, rng)
-    reach = _eroded(room_to_move, AmigoBot.radius_m, _COARSE)
-    blocks = [ring for part in shapely.get_parts(reach) for ring in part.interiors]
+    reach = _room_for(AmigoBot.radius_m, free, columns, _COARSE)
+    parts = [part for part in shapely.get_parts(reach) if isinstance(part, shapely.Polygon)]
+    blocks = [ring for part in parts for ring in part.interiors]
     return _turned(
         World(
             name=name,
@@ -91,9 +92,9 @@ def _furnish(
 def _room_contents(room: Room, doors: list[Door], rng: np.random.Generator, difficulty: float) -> _Contents:
     """As much of what is proposed as leaves room for the robot."""
     kept = _Contents()
-    free = shapely.unary_union([room.shape, *(door.stub() for door in doors)])
     inside = shapely.buffer(room.shape, 0.03, join_style="mitre")  # backs reach into the wall
     loose_inside = shapely.buffer(room.shape, -0.08, join_style="mitre")
+    body: shapely.Geometry | None = None
     doorways = shapely.multipoints([door.middle for door in doors]) if doors else None
     for solids, columns, loose in _proposals(room, doors, rng, difficulty):
         thing = solids[0] if solids else _discs(np.array(columns), _COARSE)
@@ -101,10 +102,12 @@ def _room_contents(room: Room, doors: list[Door], rng: np.random.Generator, diff
             continue
         if doorways is not None and shapely.dwithin(thing, doorways, _BODY_M):
             continue
-        left = free.difference(thing)
-        body = _eroded(left, _BODY_M, _COARSE)
-        if isinstance(body, shapely.Polygon) and (doorways is None or shapely.contains(body, doorways)):
-            free = left
+        if body is None:
+            free = shapely.unary_union([room.shape, *(door.stub() for door in doors)])
+            body = _eroded(free, _BODY_M, _COARSE)
+        left = body.difference(shapely.buffer(thing, _BODY_M, quad_segs=_COARSE))
+        if isinstance(left, shapely.Polygon) and (doorways is None or shapely.contains(left, doorways)):
+            body = left
             kept.solids += solids
             kept.columns += columns
     return kept
@@ -216,6 +219,12 @@ def _place(shape: shapely.Polygon, rng: np.random.Generator) -> tuple[float, flo
 def _eroded(free: shapely.Geometry, radius_m: float, pieces: int) -> shapely.Geometry:
     """Where the middle of a disc may be."""
     return shapely.buffer(free, -radius_m, quad_segs=pieces)
+
+
+def _room_for(radius_m: float, free: shapely.Polygon, columns: Array, pieces: int) -> shapely.Geometry:
+    """Where the middle of a disc may be that touches no column either."""
+    room = _eroded(free, radius_m, pieces)
+    return room.difference(_discs(columns + [0.0, 0.0, radius_m], pieces)) if len(columns) else room
 
 
 def _discs(columns: Array, pieces: int) -> shapely.Geometry:
