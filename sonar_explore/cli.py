@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from sonar_explore.errors import SonarExploreError
-from sonar_explore.replay.commands import replay
+from sonar_explore.replay.commands import real_sonar, replay
 from sonar_explore.studies.commands import STUDY_COMMANDS
 
 if TYPE_CHECKING:
@@ -237,7 +237,7 @@ def report(episode: Path, out: Path | None) -> None:
     click.echo(f"report: {page}")
 
 
-for _command in (*STUDY_COMMANDS, replay):
+for _command in (*STUDY_COMMANDS, replay, real_sonar):
     commands.add_command(_command)
 
 
