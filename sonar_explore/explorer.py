@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -91,7 +92,12 @@ class Explorer:
         self._obstacles: list[tuple[int, Array]] = []
         """Where the ring shut the way: index of the last scan, and a piece of wall in its robot frame."""
         self._leg_trail: list[Pose] = []
-        self._driver = Driver(robot, body, self._traced, self._is_point, config.driving)
+        mind = weakref.proxy(
+            self
+        )  # no circle of references: an explorer and its maps go when nobody needs them
+        self._driver = Driver(
+            robot, body, lambda: mind._traced(), lambda x, y: mind._is_point(x, y), config.driving
+        )
         self._put_aside: list[tuple[float, float]] = []
         self._tried: dict[int, int] = {}
         self._paths: SafePaths

@@ -1,6 +1,8 @@
 # mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """The robot's mind: it maps a log as it maps what it drives, goes far in legs, and puts aside what it cannot reach."""
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -165,3 +167,17 @@ def test_a_known_pose_is_believed_at_once():
     slam = make_slam("truth", told, CONFIG.slam)
     explorer = Explorer(robot, slam, CONFIG, known_pose=lambda: told)
     assert explorer.look().pose == told and explorer.pose() == told
+
+
+def test_an_explorer_that_nobody_needs_goes_at_once():
+    gc.collect()
+    gc.disable()
+    try:
+        _, explorer = explorer_in()
+        explorer.look()
+        explorer.go_to(farthest(explorer.situation()))
+        gone = weakref.ref(explorer)
+        del explorer
+        assert gone() is None
+    finally:
+        gc.enable()
