@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import tempfile
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +20,9 @@ from sonar_explore.envs.scene import Scene
 from sonar_explore.envs.simulator import Simulator, SimulatorConfig
 from sonar_explore.envs.world import load_world
 from sonar_explore.episodes.run import run_episode
-from sonar_explore.geometry import Segment
+from sonar_explore.geometry import Pose, Segment
+from sonar_explore.mapping.frontiers import find_frontiers
+from sonar_explore.mapping.occupancy import OccupancyMapper, look_of
 from sonar_explore.slam import Feature, FeatureKind, Link, make_slam
 
 
@@ -90,9 +94,44 @@ def bench_decision(benchmark, slam):
     benchmark.pedantic(step, rounds=60, warmup_rounds=5)
 
 
-def bench_episode(benchmark):
-    """`paper/rooms`, frontier policy, `chain` SLAM, seed 1, recorded."""
-    benchmark.pedantic(lambda: run_episode("paper/rooms", seed=1), rounds=3, warmup_rounds=1)
+@pytest.mark.parametrize("slam", ["chain", "smoothed"])
+def bench_episode(benchmark, slam):
+    """`paper/rooms`, frontier policy, seed 1, recorded."""
+    benchmark.pedantic(lambda: run_episode("paper/rooms", slam=slam, seed=1), rounds=3, warmup_rounds=1)
+
+
+def bench_frontiers(benchmark):
+    """Frontiers of a finished map, distances to walls known."""
+    grid = explored().grid
+    assert grid.to_walls_m.any()
+    benchmark.pedantic(lambda: find_frontiers(grid, 0.18, 0.15), rounds=50, warmup_rounds=2)
+
+
+def bench_rebuild(benchmark):
+    """The grid of 200 scans after all of them have moved a little."""
+    scans = explored().scans
+    entries = [scans[i % len(scans)] for i in range(200)]
+    mapping = ExplorationConfig().mapping
+    looks = [look_of(e.scan, e.features, mapping) for e in entries]
+    mapper, trails = OccupancyMapper(mapping, 0.18, 2.0), [np.zeros((1, 2))] * 200
+    shifts = itertools.cycle((0.0, 0.01))
+
+    def rebuild() -> None:
+        by = next(shifts)
+        poses = [Pose(e.pose.x + by, e.pose.y, e.pose.heading) for e in entries]
+        mapper.draw(poses, looks, trails, np.zeros((0, 4)))
+
+    benchmark.pedantic(rebuild, rounds=10, warmup_rounds=2)
+
+
+@functools.cache
+def explored() -> SimpleNamespace:
+    """Grid and scans at the end of an episode in `paper/rooms`."""
+    env = ExplorationEnv("paper/rooms")
+    env.reset(seed=1)
+    while not env.end_reason:
+        env.step(np.flatnonzero(env.action_masks())[0])
+    return SimpleNamespace(grid=env.situation.grid, scans=env.slam.scans)
 
 
 @pytest.mark.parametrize("walls", [100])

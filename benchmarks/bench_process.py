@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import subprocess
 import sys
@@ -11,6 +10,7 @@ import time
 
 import numpy as np
 import psutil
+from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv, VectorEnv
 
 from sonar_explore.envs.exploration_env import ExplorationEnv
 
@@ -75,32 +75,49 @@ def bench_memory(benchmark, figure):
     )
 
 
-def decide(seed: int, steps: int = 15) -> None:
-    env = ExplorationEnv("paper/rooms")
-    env.reset(seed=seed)
+def decide_in(environments: VectorEnv, steps: int) -> float:
+    """Seconds that a number of decisions takes in all environments at once."""
+    _, info = environments.reset(seed=0)
+    began = time.perf_counter()
     for _ in range(steps):
-        if env.end_reason:
-            env.reset()
-        env.step(np.flatnonzero(env.action_masks())[0])
+        _, _, _, _, info = environments.step(np.argmax(info["action_mask"], axis=1))
+    return time.perf_counter() - began
 
 
 def bench_sixteen_environments(benchmark, figure):
-    """16 environments, 15 decisions each: one process, then two."""
+    """16 environments, 15 decisions each: one process, then gymnasium's AsyncVectorEnv."""
 
     def both() -> tuple[float, float]:
-        began = time.perf_counter()
-        for seed in range(16):
-            decide(seed)
-        alone = time.perf_counter() - began
-        with multiprocessing.get_context("spawn").Pool(2) as pool:
-            pool.map(decide, [0, 1], chunksize=1)  # warm
-            began = time.perf_counter()
-            pool.map(decide, range(16), chunksize=1)
-            return alone, time.perf_counter() - began
+        spans = []
+        for made in (SyncVectorEnv, AsyncVectorEnv):
+            environments = made([lambda: ExplorationEnv("paper/rooms")] * 16)
+            decide_in(environments, 2)
+            spans.append(decide_in(environments, 15))
+            environments.close()
+        return spans[0], spans[1]
 
-    decide(0)
     alone, shared = benchmark.pedantic(both, rounds=1)
     figure(
-        f"16 environments x 15 decisions: {240 / alone:.0f} a second in one process, {240 / shared:.0f} in two: "
+        f"16 environments x 15 decisions: {240 / alone:.0f} a second in one process, {240 / shared:.0f} in sixteen: "
         f"{alone / shared:.2f} times on {psutil.cpu_count()} cores"
     )
+
+
+GROWTH = """
+import os, psutil
+from sonar_explore.envs.exploration_env import ExplorationEnv
+import numpy as np
+process, env, seen = psutil.Process(os.getpid()), ExplorationEnv("paper/corridor"), []
+env.reset(seed=0)
+for step in range(10_000):
+    if env.end_reason: env.reset()
+    env.step(np.flatnonzero(env.action_masks())[0])
+    if step in (999, 9_999): seen.append(process.memory_info().rss)
+print(*seen)
+"""
+
+
+def bench_growth(benchmark, figure):
+    """Memory over 10,000 decisions."""
+    first, last = (int(n) / 2**20 for n in benchmark.pedantic(lambda: python("-c", GROWTH), rounds=1).split())
+    figure(f"memory after 1,000 decisions {first:.0f} MB, after 10,000 {last:.0f} MB")
