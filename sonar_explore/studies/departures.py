@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sonar_explore.config import ExplorationConfig
+from sonar_explore.slam.association import MAX_END_GAP_M
 from sonar_explore.studies.jobs import Variant
 from sonar_explore.studies.options import option
 
@@ -77,6 +78,14 @@ DEPARTURES: tuple[Departure, ...] = (
         "All eight discs are recorded while the robot turns, not one: a wall is what at least four of them hear at one "
         "bearing, which eight together know four times as well; a point is told from a plane by how its bearing shifts "
         "with the discs; and walls heard early by one and late by another tell the error of the turn itself.",
+    ),
+    Departure(
+        "long-gaps",
+        "slam.association.end_gap_max_m",
+        MAX_END_GAP_M,
+        "III.B",
+        "A wall is met again over a gap of 1.2 m, not of 0.5 m: bearings are fine enough to tell that both lie on one "
+        "line, and a chain that goes on hands its direction on.",
     ),
     Departure(
         "turning-check",
