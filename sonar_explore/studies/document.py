@@ -19,10 +19,13 @@ from sonar_explore.studies.plans import report
 from sonar_explore.studies.plans_page import PICTURES, failure_lines
 from sonar_explore.studies.plans_results import KIND, PlansStudy, load_plans_study
 from sonar_explore.studies.results import Study, load_study
+from sonar_explore.studies.ring_scan import ring_table
 from sonar_explore.studies.study import sensitivity_lines
 from sonar_explore.studies.tables import goal_lines, pooled_table, table_of
 
 PAGE = Path("docs/reproduction.md")
+PAGES = {"ring-scan": Path("docs/ring_scan.md")}
+"""Of the studies that have a page of their own."""
 PLANS_PAGE = Path("docs/exploration.md")
 PLANS_PICTURES = Path("docs/exploration")
 
@@ -40,6 +43,8 @@ def _body(study: Study) -> list[str]:
         return [*goal, "", table_of(study).markdown()]
     if study.kind == "ablation":
         return [pooled_table(study, [v["name"] for v in study.variants]).markdown()]
+    if study.kind == "ring-scan":
+        return [ring_table(study).markdown()]
     return [f"Worlds: {', '.join(study.worlds)}.", "", *sensitivity_lines(study)]
 
 
@@ -72,8 +77,9 @@ def main(folders: list[str]) -> int:
         if _kind(folder) == KIND:
             _put_plans(folder)
             continue
-        page = with_section(PAGE.read_text(encoding="utf-8"), load_study(folder / "results.json"))
-        write_atomically(PAGE, page.encode())
+        study = load_study(folder / "results.json")
+        path = PAGES.get(study.kind, PAGE)
+        write_atomically(path, with_section(path.read_text(encoding="utf-8"), study).encode())
     return 0
 
 

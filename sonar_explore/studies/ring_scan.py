@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from statistics import median
+from typing import Any
 
 from sonar_explore.episodes.files import write_atomically
 from sonar_explore.studies import progress
@@ -12,10 +13,16 @@ from sonar_explore.studies.study import Choices, run_variants
 from sonar_explore.studies.tables import Table, causes_text, rate_text
 
 SLAMS = ("chain", "smoothed")
+SCANS: dict[str, tuple[tuple[str, Any], ...]] = {
+    "turn": (),
+    "turn, one sonar": (("simulator.scan_all_discs", False),),
+    "ring": (("scan", "ring"),),
+}
+"""What differs: a full turn with all sonars recorded, one with the paper's one sonar, and the ring scan."""
 VARIANTS = tuple(
-    Variant(f"{slam}, {scan}", slam=slam, changes=(() if scan == "turn" else (("scan", scan),)))
+    Variant(f"{slam}, {scan}", slam=slam, changes=changes)
     for slam in SLAMS
-    for scan in ("turn", "ring")
+    for scan, changes in SCANS.items()
 )
 COLUMNS = (
     "world",
