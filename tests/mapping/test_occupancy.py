@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sonar_explore.envs.odometry import noise_preset
@@ -93,6 +93,7 @@ def test_hardly_anything_outside_a_closed_room_is_free_and_where_the_body_stood_
 
 @settings(max_examples=15, deadline=None)
 @given(seeds)
+@example(3533)
 def test_the_foot_of_a_wall_feature_is_occupied_and_the_way_to_it_free(seed):
     (pose,), looks, (features,) = scans_of_a_room(seed, 1)
     grid = draw([pose], looks)
@@ -100,7 +101,8 @@ def test_the_foot_of_a_wall_feature_is_occupied_and_the_way_to_it_free(seed):
         if f.kind is FeatureKind.WALL:
             bearing = pose.heading + f.bearing_rad
             to = np.array([math.cos(bearing), math.sin(bearing)])
-            assert state(grid, *((pose.x, pose.y) + f.range_m * to)) == OCCUPIED
+            at = [(pose.x, pose.y) + (f.range_m + off) * to for off in (-0.002, 0.0, 0.002)]
+            assert OCCUPIED in [state(grid, x, y) for x, y in at]  # a foot may lie on the border of two cells
             assert state(grid, *((pose.x, pose.y) + 0.5 * f.range_m * to)) == FREE
 
 
