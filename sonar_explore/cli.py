@@ -30,8 +30,10 @@ EXIT_BROKEN_PIPE = 141  # and for a reader that went away
 SEED_MAX = 2**32 - 1
 SLAMS = (
     "chain",
+    "grid-pf",
     "literal",
     "off",
+    "scan-match",
     "smoothed",
     "truth",
 )  # spelled out: slam is too heavy to import for a help page

@@ -6,7 +6,15 @@ from pathlib import Path
 
 import click
 
-SLAMS = ("chain", "literal", "off", "smoothed", "truth")  # spelled out: slam is too heavy for a help page
+SLAMS = (
+    "chain",
+    "grid-pf",
+    "literal",
+    "off",
+    "scan-match",
+    "smoothed",
+    "truth",
+)  # spelled out: slam is too heavy for a help page
 
 
 @click.command("real-sonar")

@@ -21,6 +21,7 @@ from sonar_explore.reports.scene import drive, true_drive
 from sonar_explore.reports.study_charts import Interval, Lane, Mark, Spot, seed_squares, small_multiple, strip
 
 if TYPE_CHECKING:
+    from sonar_explore.studies.compare_results import Comparison
     from sonar_explore.studies.jobs import Outcome
     from sonar_explore.studies.results import Study
     from sonar_explore.studies.statistics import Median
@@ -300,7 +301,7 @@ def _report_href(world: str, arm: str, seed: int | None) -> str:
     return _outcome_path(world, arm, seed).with_suffix(".html").as_posix()
 
 
-def _common(study: Study) -> dict[str, Any]:
+def _common(study: Study | Comparison) -> dict[str, Any]:
     return {
         "study": study,
         "config": msgspec.json.format(msgspec.json.encode(study.config)).decode(),

@@ -7,6 +7,8 @@ from sonar_explore.geometry import Pose
 from sonar_explore.slam.base import ScanEntry, ScanUpdate, ScoredAssociation, Slam, SlamConfig
 from sonar_explore.slam.chains import Chain, ChainMap, Link
 from sonar_explore.slam.features import Feature, FeatureKind
+from sonar_explore.slam.grid_pf import GridParticleSlam
+from sonar_explore.slam.scan_match import ScanMatchSlam
 from sonar_explore.slam.slam import ChainSlam, DeadReckoning, KnownPose
 from sonar_explore.slam.smoothed import SmoothedSlam
 
@@ -28,8 +30,10 @@ __all__ = [
 
 SLAMS: dict[str, type[ChainSlam]] = {
     "chain": ChainSlam,
+    "grid-pf": GridParticleSlam,
     "literal": ChainSlam,
     "off": DeadReckoning,
+    "scan-match": ScanMatchSlam,
     "smoothed": SmoothedSlam,
     "truth": KnownPose,
 }
@@ -39,6 +43,7 @@ def make_slam(name: str, start: Pose, config: SlamConfig | None = None) -> Slam:
     """Make the SLAM of this name.
 
     `chain` corrects the pose, `smoothed` all poses and chains, `off` trusts the odometry, `truth` is told every pose.
+    `grid-pf` and `scan-match` are the methods of others, to compare with.
     `literal` is `chain` to the paper's letter: it takes no configuration.
     """
     if name not in SLAMS:

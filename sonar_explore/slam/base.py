@@ -16,8 +16,10 @@ from sonar_explore.slam.features import Feature, FeatureConfig
 from sonar_explore.slam.link_graph import LinkGraphConfig, LinkGraphs
 from sonar_explore.slam.localization import Correction, LocalizationConfig
 from sonar_explore.slam.odometry_filter import FilterConfig
+from sonar_explore.slam.particles import ParticleConfig
 from sonar_explore.slam.probability import ProbabilityConfig
 from sonar_explore.slam.reference import ReferenceConfig
+from sonar_explore.slam.scan_matching import ScanMatchConfig
 from sonar_explore.slam.smoothing import SmoothingConfig
 from sonar_explore.slam.turning import TurningConfig
 
@@ -39,6 +41,8 @@ class SlamConfig:
     reference: ReferenceConfig = field(default_factory=ReferenceConfig)
     odometry: FilterConfig = field(default_factory=FilterConfig)
     smoothing: SmoothingConfig = field(default_factory=SmoothingConfig)
+    particles: ParticleConfig = field(default_factory=ParticleConfig)
+    scan_match: ScanMatchConfig = field(default_factory=ScanMatchConfig)
 
     @classmethod
     def robust(cls) -> SlamConfig:

@@ -17,12 +17,12 @@ def _names(_: click.Context, __: click.Parameter, text: str) -> tuple[str, ...]:
 
 
 def _options(
-    kind: str, seeds: int, worlds: tuple[str, ...] = PAPER_WORLDS
+    kind: str, seeds: int, worlds: tuple[str, ...] = PAPER_WORLDS, noise: str = "paper"
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """What all studies can be told."""
     parts = [
         click.option("--seeds", type=click.IntRange(1), default=seeds, show_default=True, help="0 to N - 1."),
-        click.option("--noise", default="paper", show_default=True, help="Odometry: paper, ideal or worn."),
+        click.option("--noise", default=noise, show_default=True, help="Odometry: paper, ideal or worn."),
         click.option(
             "--worlds", default=",".join(worlds), show_default=True, callback=_names, help="Comma between."
         ),
@@ -122,4 +122,21 @@ def explore_plans(**choices: Any) -> None:
     run_plans(PlanChoices(**choices))
 
 
-STUDY_COMMANDS = (reproduce, ablation, sensitivity, ring_scan, explore_plans)
+@click.command()
+@_options("compare", seeds=100, noise="paper,worn")
+@click.option(
+    "--closed-loop-seeds",
+    type=click.IntRange(0),
+    default=0,
+    show_default=True,
+    help="Also explore with each SLAM in the loop, seeds 0 to N - 1.",
+)
+def compare(closed_loop_seeds: int, **choices: Any) -> None:
+    """Feed the same recorded drives to every SLAM and to an oracle; --noise takes several, comma between."""
+    from sonar_explore.studies.compare_study import run_comparison
+    from sonar_explore.studies.study import Choices
+
+    run_comparison(Choices(**choices), closed_loop_seeds)
+
+
+STUDY_COMMANDS = (reproduce, ablation, sensitivity, ring_scan, explore_plans, compare)

@@ -1,6 +1,7 @@
 """Put what a study found into the documents, each study in its own section.
 
 `python -m sonar_explore.studies.document runs/reproduce [runs/ablation] [runs/sensitivity]` for docs/reproduction.md,
+`python -m sonar_explore.studies.document runs/compare` for docs/comparison.md,
 `python -m sonar_explore.studies.document runs/explore-plans` for docs/exploration.md and its pictures.
 """
 
@@ -15,6 +16,7 @@ import msgspec
 
 from sonar_explore.episodes.files import write_atomically
 from sonar_explore.errors import SonarExploreError
+from sonar_explore.studies.compare_results import COMPARISON, Comparison, comparison_lines, load_comparison
 from sonar_explore.studies.plans import report
 from sonar_explore.studies.plans_page import PICTURES, failure_lines
 from sonar_explore.studies.plans_results import KIND, PlansStudy, load_plans_study
@@ -26,6 +28,7 @@ from sonar_explore.studies.tables import goal_lines, pooled_table, table_of
 PAGE = Path("docs/reproduction.md")
 PAGES = {"ring-scan": Path("docs/ring_scan.md")}
 """Of the studies that have a page of their own."""
+COMPARISON_PAGE = Path("docs/comparison.md")
 PLANS_PAGE = Path("docs/exploration.md")
 PLANS_PICTURES = Path("docs/exploration")
 
@@ -74,13 +77,32 @@ def with_text(page: str, kind: str, text: str) -> str:
 def main(folders: list[str]) -> int:
     """Put every study named into its page."""
     for folder in map(Path, folders):
-        if _kind(folder) == KIND:
+        kind = _kind(folder)
+        if kind == KIND:
             _put_plans(folder)
+            continue
+        if kind == COMPARISON:
+            _put_comparison(folder)
             continue
         study = load_study(folder / "results.json")
         path = PAGES.get(study.kind, PAGE)
         write_atomically(path, with_section(path.read_text(encoding="utf-8"), study).encode())
     return 0
+
+
+def comparison_section(found: Comparison) -> str:
+    """What the page says of `compare`."""
+    made = f"{found.seeds} seeds, version {found.version}, source {found.code}."
+    return "\n".join([made, "", *comparison_lines(found)])
+
+
+def _put_comparison(folder: Path) -> None:
+    page = with_text(
+        COMPARISON_PAGE.read_text(encoding="utf-8"),
+        COMPARISON,
+        comparison_section(load_comparison(folder / "results.json")),
+    )
+    write_atomically(COMPARISON_PAGE, page.encode())
 
 
 class _Kind(msgspec.Struct):

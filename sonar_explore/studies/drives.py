@@ -6,6 +6,7 @@ other walls. The drive is an exploration with the pose known (`truth`), so that 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,8 +29,8 @@ class Drive:
     """In order of time: the scans, and `pose_robot_in_odometry` after each of them and after every tick."""
     true_poses: tuple[Pose, ...]
     """`pose_robot_in_world` when each scan began."""
-    true_turns_rad: Array
-    """How far the robot truly turned in each scan, signed, shape (scans,), [rad]."""
+    turn_ratios: Array
+    """True over measured turning in each scan, shape (scans,): how a scan is smeared."""
 
     @property
     def scans(self) -> tuple[Scan, ...]:
@@ -48,7 +49,7 @@ def record_drive(
     agent = make_agent("frontier")
     while not env.end_reason:
         env.step(np.int64(agent.choose(env.situation).chosen))
-    return Drive(place, tuple(recorder.log), tuple(recorder.true_poses), np.array(recorder.true_turns))
+    return Drive(place, tuple(recorder.log), tuple(recorder.true_poses), np.array(recorder.turn_ratios))
 
 
 class _Recorder(Simulator):
@@ -58,16 +59,23 @@ class _Recorder(Simulator):
         super().reset(rng)
         self.log: list[Pose | Scan] = []
         self.true_poses: list[Pose] = []
-        self.true_turns: list[float] = []
+        self.turn_ratios: list[float] = []
 
     def tick(self, speed_m_s: float, turn_rate_rad_s: float) -> None:
         super().tick(speed_m_s, turn_rate_rad_s)
         self.log.append(self.pose_robot_in_odometry)
 
     def scan(self, direction: int) -> Scan:
+        return self._noted(super().scan, direction)
+
+    def ring_scan(self, direction: int) -> Scan:
+        return self._noted(super().ring_scan, direction)
+
+    def _noted(self, take: Callable[[int], Scan], direction: int) -> Scan:
         began = self.true_pose
-        scan = super().scan(direction)
+        scan = take(direction)
         self.log += [scan, self.pose_robot_in_odometry]
         self.true_poses.append(began)
-        self.true_turns.append(self.true_pose.heading - began.heading)
+        measured = self.pose_robot_in_odometry.heading - scan.pose_robot_in_odometry.heading
+        self.turn_ratios.append((self.true_pose.heading - began.heading) / measured)
         return scan

@@ -35,7 +35,7 @@ def run_job(job: Job, folder: Path, keep_record: bool, fingerprint: str) -> Outc
         if keep_record:
             _keep(record, path)
     except Exception as raised:
-        error = _one_line(raised)
+        error = one_line(raised)
     laps = tuple(clock.laps)
     outcome = Outcome(job.world, job.variant.name, job.seed, fingerprint, __version__, summary, error, laps)
     save_outcome(outcome, path)
@@ -68,7 +68,7 @@ def _keep(record: EpisodeRecord, path: Path) -> None:
     write_packed_report(record, report_path(path))
 
 
-def _one_line(error: Exception) -> str:
+def one_line(error: Exception) -> str:
     """Type, message and place."""
     frames = traceback.extract_tb(error.__traceback__)
     place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""

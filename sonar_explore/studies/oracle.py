@@ -11,9 +11,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-import networkx as nx
 import numpy as np
 import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from sonar_explore.amigobot import AmigoBot
@@ -29,6 +30,7 @@ from sonar_explore.slam.smoothing import Sighting, Smoother, SmoothingConfig
 from sonar_explore.studies.drives import Drive
 
 TOUCH_M, STRAIGHT_RAD = 0.002, math.radians(0.5)
+ONE_LINE_M, ONE_LINE_RAD = 0.02, math.radians(1.0)
 STILL = 1e-5  # [m] and [rad]
 MOST_ROUNDS = 20
 _LEAST = 1e-5  # of a standard deviation: an ideal robot's would be none
@@ -59,6 +61,8 @@ class OracleResult:
     walls: tuple[tuple[int | None, ...], ...]
     """The true wall of each feature, scan by scan; None where it has none."""
     features: tuple[tuple[Feature, ...], ...]
+    lines: tuple[int, ...]
+    """The line that each true wall lies on."""
 
 
 def oracle(
@@ -76,15 +80,13 @@ def oracle(
     for _ in range(2):  # the second time with the smear of the scans taken out, as far as it was learned
         seen = [extract(_unsmeared(scan, turn_error), features, agreement) for scan in drive.scans]
         owners = [
-            true_walls(pose, found.features, _smear(scan, turn, turn_error), walls, config)
-            for pose, scan, turn, found in zip(
-                drive.true_poses, drive.scans, drive.true_turns_rad, seen, strict=True
-            )
+            true_walls(pose, found.features, ratio / (1.0 + turn_error) - 1.0, walls, config)
+            for pose, ratio, found in zip(drive.true_poses, drive.turn_ratios, seen, strict=True)
         ]
         smoother = _solved(drive, motions, seen, owners, turn_error, noise, config)
         turn_error = float(smoother.wheels[0])
     poses = tuple(Pose(*map(float, row)) for row in smoother.poses)
-    return OracleResult(poses, tuple(owners), tuple(found.features for found in seen))
+    return OracleResult(poses, tuple(owners), tuple(found.features for found in seen), lines_of(walls))
 
 
 def straight_walls(world: World) -> Array:
@@ -96,10 +98,23 @@ def straight_walls(world: World) -> Array:
     ends = cKDTree(np.vstack([pieces[:, :2], pieces[:, 2:]]))
     touching = ends.query_pairs(TOUCH_M, output_type="ndarray") % len(pieces)
     straight = np.abs(wrap_undirected(direction[touching[:, 0]] - direction[touching[:, 1]])) <= STRAIGHT_RAD
-    together = nx.Graph()
-    together.add_nodes_from(range(len(pieces)))
-    together.add_edges_from(touching[straight].tolist())
-    return np.array([_hull(pieces[sorted(group)]) for group in nx.connected_components(together)])
+    first, second = touching[straight].T
+    together = coo_array((np.ones(len(first)), (first, second)), shape=(len(pieces), len(pieces)))
+    count, group = connected_components(together, directed=False)
+    return np.array([_hull(pieces[group == k]) for k in range(count)])
+
+
+def lines_of(walls: Array) -> tuple[int, ...]:
+    """The line that each wall, shape (n, 4), [m], lies on: walls either side of a door have one number."""
+    along = (walls[:, 2:] - walls[:, :2]) / np.hypot(*(walls[:, 2:] - walls[:, :2]).T)[:, None]
+    ends = walls.reshape(-1, 2, 2)
+    off = ends[None] - walls[:, None, None, :2]
+    across = np.abs(off[..., 0] * along[:, None, None, 1] - off[..., 1] * along[:, None, None, 0]).max(
+        axis=-1
+    )
+    turn = np.abs(along[:, None, 0] * along[None, :, 1] - along[:, None, 1] * along[None, :, 0])
+    one_line = (across <= ONE_LINE_M) & (across.T <= ONE_LINE_M) & (turn <= math.sin(ONE_LINE_RAD))
+    return tuple(map(int, connected_components(one_line, directed=False)[1]))
 
 
 def _hull(pieces: Array) -> Array:
@@ -147,13 +162,6 @@ def _unsmeared(scan: Scan, turn_error: float) -> Scan:
         headings_rad=scan.headings_rad * (1.0 + turn_error),
         others=tuple(_unsmeared(other, turn_error) for other in scan.others),
     )
-
-
-def _smear(scan: Scan, true_turn_rad: float, turn_error: float) -> float:
-    """True over assumed turn, less one, of a scan whose headings were scaled by the turn error."""
-    step = float(scan.headings_rad[1] - scan.headings_rad[0])
-    assumed = step * len(scan.headings_rad)
-    return true_turn_rad / (assumed * (1.0 + turn_error)) - 1.0
 
 
 def _motions(drive: Drive, noise: OdometryNoise) -> list[Motion]:

@@ -10,12 +10,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any, TypeVar
 
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.studies.episode import ignore_interrupts, run_job
 from sonar_explore.studies.jobs import Job, Outcome
 from sonar_explore.studies.store import finished
 
+T = TypeVar("T")
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """A worker is one process on one core: libraries that start threads of their own are told so."""
 
@@ -48,17 +50,29 @@ def run_jobs(
     keep_record: bool,
     on_done: Callable[[Outcome], None] = lambda outcome: None,
 ) -> list[Outcome]:
-    """Run them all; Ctrl-C lets the episodes under way finish, and leaves what is done.
+    """Run them all; Ctrl-C lets the episodes under way finish, and leaves what is done."""
+    calls = [(job, folder, keep_record, job.fingerprint) for job in jobs]
+    return in_processes(run_job, calls, processes=processes, on_done=on_done)
+
+
+def in_processes(
+    work: Callable[..., T],
+    calls: Sequence[tuple[Any, ...]],
+    *,
+    processes: int,
+    on_done: Callable[[T], None] = lambda result: None,
+) -> list[T]:
+    """What `work` returns for the arguments of each call, in the order in which they finish.
 
     Raises:
         SonarExploreError: where a worker process died, out of memory for example; run again to go on.
     """
-    if not jobs:
+    if not calls:
         return []
     if processes == 1:
-        return [_told(run_job(job, folder, keep_record, job.fingerprint), on_done) for job in jobs]
-    with _single_threaded(), _pool(min(processes, len(jobs))) as pool:
-        futures = [pool.submit(run_job, job, folder, keep_record, job.fingerprint) for job in jobs]
+        return [_told(work(*call), on_done) for call in calls]
+    with _single_threaded(), _pool(min(processes, len(calls))) as pool:
+        futures = [pool.submit(work, *call) for call in calls]
         try:
             return [_told(_result(future), on_done) for future in as_completed(futures)]
         except BaseException:
@@ -66,16 +80,16 @@ def run_jobs(
             raise
 
 
-def _result(future: Future[Outcome]) -> Outcome:
+def _result(future: Future[T]) -> T:
     try:
         return future.result()
     except BrokenProcessPool as error:
         raise SonarExploreError("a worker process died; what is done is kept: run again to go on") from error
 
 
-def _told(outcome: Outcome, on_done: Callable[[Outcome], None]) -> Outcome:
-    on_done(outcome)
-    return outcome
+def _told(result: T, on_done: Callable[[T], None]) -> T:
+    on_done(result)
+    return result
 
 
 def _pool(processes: int) -> ProcessPoolExecutor:

@@ -53,4 +53,4 @@ def test_every_choice_of_slam_is_explained():
     from sonar_explore.slam import SLAMS
 
     text = (ROOT / "docs/slam.md").read_text(encoding="utf-8")
-    assert set(re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE)) == set(SLAMS)
+    assert set(re.findall(r"^\| `(\w[\w-]*)` \|", text, re.MULTILINE)) == set(SLAMS)

@@ -82,7 +82,9 @@ def test_truth_that_is_not_placed_says_so():
 
 
 def test_an_unknown_slam_lists_the_known():
-    with pytest.raises(SonarExploreError, match="known: chain, literal, off, smoothed, truth"):
+    with pytest.raises(
+        SonarExploreError, match="known: chain, grid-pf, literal, off, scan-match, smoothed, truth"
+    ):
         make_slam("fast", START, SlamConfig())
 
 

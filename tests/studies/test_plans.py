@@ -187,7 +187,10 @@ def test_an_image_that_a_map_file_names_is_no_plan_of_its_own(tmp_path):
     ("arguments", "words"),
     [
         (["nowhere"], "no folder 'nowhere'"),
-        (["--slam", "magic", "--generated", "1"], "chain, literal, off, smoothed, truth"),
+        (
+            ["--slam", "magic", "--generated", "1"],
+            "chain, grid-pf, literal, off, scan-match, smoothed, truth",
+        ),
         (["--noise", "loud"], "ideal, paper, worn"),
         (["--generated", "0"], "nothing to run"),
     ],

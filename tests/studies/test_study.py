@@ -180,7 +180,7 @@ def test_the_page_of_the_docs_takes_the_table_and_keeps_the_rest(finished):
     ("arguments", "words"),
     [
         (["--worlds", "paper/moon"], "paper/corridor"),
-        (["--arms", "magic"], "chain, literal"),
+        (["--arms", "magic"], "chain, grid-pf, literal"),
         (["--noise", "loud"], "ideal, paper, worn"),
     ],
 )
