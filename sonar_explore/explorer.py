@@ -167,6 +167,7 @@ class Explorer:
     def _second_chance(self, pose: Pose, chains: Sequence[Chain], scans: Array) -> tuple[Candidate, ...]:
         """Before calling the rest unreachable: go nearer to the unknown, and try again what was put aside."""
         self._daring = True
+        self._begin_anew_after_progress()
         put_aside, self._put_aside = self._put_aside, []
         if self._second_chances and self._obstacles:
             self._obstacles = []
@@ -183,9 +184,6 @@ class Explorer:
 
         An edge, a column or a wall drawn too long can shut an open door on the map. The ring of eight tells on the way.
         """
-        free = int(self.grid.free.sum())
-        if (free - self._free_when_doubted) * self.grid.frame.resolution_m**2 >= WORTH_NEW_DOUBTS_M2:
-            self._doubts, self._free_when_doubted = DOUBTS, free
         if not self._doubts:
             return ()
         self._doubtful = True
@@ -203,6 +201,12 @@ class Explorer:
         self._doubtful = False
         self._map()
         return ()
+
+    def _begin_anew_after_progress(self) -> None:
+        """Where much was found since the last time that nothing was left, all chances are there again."""
+        free = int(self.grid.free.sum())
+        if (free - self._free_when_doubted) * self.grid.frame.resolution_m**2 >= WORTH_NEW_DOUBTS_M2:
+            self._second_chances, self._doubts, self._free_when_doubted = SECOND_CHANCES, DOUBTS, free
 
     def go_to(self, candidate: Candidate) -> Trip:
         """Drive there; where the way is shut, find another; put the place aside if there is none.
