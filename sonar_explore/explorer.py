@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.geometry import Array, Pose
@@ -17,12 +18,15 @@ from sonar_explore.mapping.occupancy import Look, OccupancyGrid, OccupancyMapper
 from sonar_explore.measurement import Scan
 from sonar_explore.planning.candidates import Candidate, CandidateFinder
 from sonar_explore.planning.driving import DriveEnd, Driver, DriveReport
+from sonar_explore.planning.loops import open_loops
 from sonar_explore.planning.paths import SafePaths, path_length, sampled, straightened
 from sonar_explore.robot import Robot
 from sonar_explore.slam import Chain, ScanUpdate, Slam
 
 MIN_FRONTIER_M = 0.15
 MAX_REPLANS = 4
+LOOP_TRIPS = 12  # drives to close loops
+PUT_ASIDE_M = 0.30
 SECOND_CHANCES = 3  # times that places which were put aside are tried again before giving up
 DOUBTS = 24  # legs driven by a map that believes less, after nothing is left on the one that believes all
 DOUBT_AREA_M2 = 0.8  # new area for which that is worth it
@@ -109,6 +113,7 @@ class Explorer:
         self._doubted: list[tuple[float, float]] = []
         self._doubt_goal: tuple[float, float] | None = None
         self._free_when_doubted = 0
+        self._loop_trips = LOOP_TRIPS
         self.gave_up = False
         """Whether all that is left are places that were put aside because the way to them was shut."""
         self.grid: OccupancyGrid
@@ -151,6 +156,8 @@ class Explorer:
             candidates = self._second_chance(pose, chains, scans)
         if not candidates:
             candidates = self._doubt(pose, chains, scans)
+        if not candidates:
+            candidates = self._close_a_loop(pose)
         return Situation(
             pose=pose,
             grid=self.grid,
@@ -201,6 +208,30 @@ class Explorer:
         self._doubtful = False
         self._map()
         return ()
+
+    def _close_a_loop(self, pose: Pose) -> tuple[Candidate, ...]:
+        """Before calling it finished: drive the last stretch of a loop, or go to where that stretch begins."""
+        if not self._config.planning.close_loops or not self._loop_trips:
+            return ()
+        paths, offers = self._plan(pose), []
+        for loop in open_loops(*self._way_so_far(), self.grid):
+            for x, y in loop.goals.tolist():
+                path = paths.to(x, y)
+                aside = any(math.hypot(x - a, y - b) <= PUT_ASIDE_M for a, b in self._put_aside)
+                if path is None or aside or math.hypot(x - pose.x, y - pose.y) <= PUT_ASIDE_M:
+                    continue
+                length = path_length(path)
+                offers.append((not loop.closed_by(path), length, Candidate(x, y, length, 0.0, (), 0.0, ())))
+        if not offers:
+            return ()
+        self._loop_trips -= 1
+        return (min(offers, key=lambda offer: offer[:2])[2],)
+
+    def _way_so_far(self) -> tuple[Array, NDArray[np.intp]]:
+        """Where the body has been in order, map frame, shape (n, 2), [m]; and which of it are scan positions."""
+        parts = [e.pose.transform(t) for e, t in zip(self._slam.scans, self._trails, strict=True)]
+        begins = np.cumsum([0, *(len(part) for part in parts[:-1])])
+        return np.vstack(parts), begins
 
     def _begin_anew_after_progress(self) -> None:
         """Where much was found since the last time that nothing was left, all chances are there again."""

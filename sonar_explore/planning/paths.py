@@ -35,6 +35,8 @@ class PlanningConfig:
     """Unknown specks up to this size inside free space do not shut it, [m2]."""
     leg_m: float = 1.5
     """A longer way is driven in legs of about this length, with a scan after each, [m]."""
+    close_loops: bool = True
+    """When nothing is left to explore, drive the last stretch of loops that were seen all round."""
     unknown_credit_m: float = 0.08
     """When nothing else is left, the unknown may come nearer than a wall by this, [m]."""
     daring_margin_m: float = -0.02

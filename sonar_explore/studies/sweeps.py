@@ -59,7 +59,7 @@ def _ratio(percent: float) -> float:
 
 SWEEPS: tuple[Sweep, ...] = (
     Sweep("d1, to the link's line", "slam.association.line_distance_max_m", "cm", (5, 10, 20, 30, 40), _cm),
-    Sweep("d2, to its nearest end", "slam.association.end_gap_max_m", "cm", (12.5, 25, 50, 75, 100), _cm),
+    Sweep("d2, to its nearest end", "slam.association.end_gap_max_m", "cm", (25, 50, 80, 120, 160), _cm),
     Sweep(
         "a1, angle to the link", "slam.association.angle_max_rad", "deg", (5, 10, 20, 30, 40), math.radians
     ),
