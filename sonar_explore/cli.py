@@ -239,6 +239,34 @@ def report(episode: Path, out: Path | None) -> None:
     click.echo(f"report: {page}")
 
 
+@commands.command()
+@click.argument("episode", type=click.Path(path_type=Path))
+@click.option(
+    "--tum", type=click.Path(path_type=Path), help="TUM trajectory to write: the believed poses of the scans."
+)
+@click.option("--truth", type=click.Path(path_type=Path), help="TUM trajectory to write: the true ones.")
+@click.option(
+    "--map", "map_name", type=click.Path(path_type=Path), help="ROS map to write: NAME.yaml and NAME.pgm."
+)
+def export(episode: Path, tum: Path | None, truth: Path | None, map_name: Path | None) -> None:
+    """Write EPISODE, an episode.json, in formats of others: TUM trajectories, a ROS map."""
+    from sonar_explore.episodes.export import write_ros_map, write_trajectory
+    from sonar_explore.episodes.files import load_record
+    from sonar_explore.reports.raster import grid_states
+
+    if tum is None and truth is None and map_name is None:
+        raise SonarExploreError("say what to export: --tum FILE, --truth FILE, --map NAME")
+    record = load_record(episode)
+    states = grid_states(record.grid)
+    for path, true in ((tum, False), (truth, True)):
+        if path is not None:
+            write_trajectory(record, path, true=true)
+            click.echo(f"trajectory: {path}")
+    if map_name is not None:
+        settings, image = write_ros_map(record, map_name, states)
+        click.echo(f"map: {settings}, {image}")
+
+
 for _command in (*STUDY_COMMANDS, replay, real_sonar):
     commands.add_command(_command)
 
