@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -54,3 +54,9 @@ def placed(points: EndPoints, poses: Array) -> tuple[Array, Array]:
     x = poses[:, :1] + points.range_m * np.cos(direction)
     y = poses[:, 1:2] + points.range_m * np.sin(direction)
     return np.stack([x, y], axis=-1), poses[:, 2:] + points.normal
+
+
+def feet_of(points: EndPoints) -> EndPoints:
+    """The feet of the normals alone: one point a wall, for what counts each point in full."""
+    rows = points.foot > 0.0
+    return EndPoints(*(getattr(points, item.name)[rows] for item in fields(points)))

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sonar_explore.geometry import Array, Pose, wrap_undirected
 from sonar_explore.mapping.grid import GridFrame
-from sonar_explore.slam.end_points import EndPoints, placed
+from sonar_explore.slam.end_points import EndPoints, feet_of, placed
 
 Rows = NDArray[np.intp]
 
@@ -28,21 +28,19 @@ class ParticleConfig:
     """How many, how fine, and how far a scan is believed."""
 
     particles: int = 40
-    tries: int = 50
-    """Poses drawn for each particle, of which the scan chooses one (the improved proposal of gmapping)."""
-    spread: float = 0.8
-    """Of the standard deviations that the odometry has on its way between two scans, its constant errors with them."""
+    tries: int = 30
+    """Poses drawn for each particle by odometry, and again about the likely ones, as in gmapping."""
     cell_m: float = 0.10
     """Side of a cell, [m]."""
-    distance_m: float = 0.03
+    distance_m: float = 0.02
     """Standard deviation of an end point from the wall that its cell holds, [m]."""
-    angle_rad: float = math.radians(2.5)
+    angle_rad: float = math.radians(0.6)
     """Standard deviation of its direction from theirs, [rad]."""
-    outlier: float = 0.01
+    outlier: float = 0.001
     """Share of end points that are of nothing on the grid."""
     resample_below: float = 0.5
     """Draw anew when the effective number of particles is less than this share."""
-    occupied_share: float = 0.3
+    occupied_share: float = 0.1
     """A cell is occupied when at least this share of the scans that met it hit it."""
     seed: int = 1
     """Of the particles' draws."""
@@ -57,7 +55,7 @@ class ParticleFilter:
         n = config.particles
         self.poses: Array = np.tile([start.x, start.y, start.heading], (n, 1))
         """x, y [m], heading [rad] of each particle now, shape (particles, 3)."""
-        self._tries: Array | None = None
+        self._motion: tuple[Array, Array] | None = None
         self._log_weights = np.zeros(n)
         self._paths: list[Array] = []
         self._grids = _Grids(n, config, start)
@@ -73,46 +71,64 @@ class ParticleFilter:
     def place(self, pose: Pose) -> None:
         """All stand here for sure."""
         self.poses[:] = pose.x, pose.y, pose.heading
-        self._tries = None
+        self._motion = None
 
     def move(self, motion: Pose, covariance: Array) -> None:
-        """Draw several ways that each particle may have gone.
+        """Say how the particles have gone on since the last scan, as the odometry has it.
 
         Args:
             motion: `pose_robot_in_last_scan`.
             covariance: of it, x y [m] heading [rad], shape (3, 3).
         """
-        n, k = len(self.poses), self._config.tries
-        root = self._config.spread * np.linalg.cholesky(covariance + np.diag(LEAST))
-        step = (motion.x, motion.y, motion.heading) + self._rng.standard_normal((n, k, 3)) @ root.T
-        c, s = np.cos(self.poses[:, 2:]), np.sin(self.poses[:, 2:])
-        moved = [c * step[..., 0] - s * step[..., 1], s * step[..., 0] + c * step[..., 1], step[..., 2]]
-        self._tries = self.poses[:, None] + np.stack(moved, axis=-1)
+        root = np.linalg.cholesky(covariance + np.diag(LEAST))
+        self._motion = np.array([motion.x, motion.y, motion.heading]), root
 
     def weigh(self, points: EndPoints) -> None:
         """Let the scan choose among the ways and weigh the particles, then put it on every grid."""
-        if self._tries is not None:
-            self._choose(points, self._tries)
-            self._tries = None
+        if self._motion is not None:
+            self._choose(feet_of(points), *self._motion)
+            self._motion = None
             self._resample()
         self._grids.clear(self.poses, points)
         self._grids.hit(*placed(points, self.poses))
         self._paths.append(self.poses.copy())
 
-    def _choose(self, points: EndPoints, tries: Array) -> None:
-        """One way for each particle, in proportion to how well the scan fits; their mean is its weight."""
-        n, k = tries.shape[:2]
-        xy, normal = placed(points, tries.reshape(-1, 3))
-        fit = self._grids.log_likelihood(xy.reshape(n, -1, 2), normal.reshape(n, -1)).reshape(n, k, -1)
-        fit = fit @ points.foot  # one point a wall: its neighbours on the tangent tell the same
-        best = fit.max(axis=1, keepdims=True)
-        share = np.exp(fit - best)
-        weight = best[:, 0] + np.log(share.mean(axis=1))
-        self._log_weights = self._log_weights + weight
+    def _choose(self, points: EndPoints, motion: Array, root: Array) -> None:
+        """A pose for each particle from where both odometry and scan are likely (Grisetti et al. 2007, section III).
+
+        Tries by odometry alone, weighed by the scan, say where that is; tries drawn from there, weighed by scan and
+        odometry over the density that drew them, stand for the posterior, and their mean for the particle's weight.
+        """
+        n, k = len(self.poses), self._config.tries
+        blind = self._rng.standard_normal((n, k, 3))
+        share = _shares(self._fit(points, motion, root, blind))
+        mean = np.einsum("nk,nki->ni", share, blind)
+        off = blind - mean[:, None]
+        spread = np.linalg.cholesky(np.einsum("nk,nki,nkj->nij", share, off, off) + NARROWEST**2 * np.eye(3))
+        drawn = self._rng.standard_normal((n, k, 3))
+        tries = mean[:, None] + np.einsum("nij,nkj->nki", spread, drawn)
+        log_density = -0.5 * (drawn**2).sum(axis=-1) - np.log(np.linalg.det(spread))[:, None]
+        weight = self._fit(points, motion, root, tries) - 0.5 * (tries**2).sum(axis=-1) - log_density
+        best = weight.max(axis=1)
+        self._log_weights += best + np.log(np.exp(weight - best[:, None]).mean(axis=1))
         self._log_weights -= self._log_weights.max()
-        share = np.cumsum(share, axis=1)
-        drawn = (share < self._rng.uniform(size=(n, 1)) * share[:, -1:]).sum(axis=1)
-        self.poses = tries[np.arange(n), drawn]
+        below = np.cumsum(_shares(weight), axis=1)
+        chosen = np.minimum((below < self._rng.uniform(size=(n, 1))).sum(axis=1), k - 1)
+        self.poses = self._moved(motion, root, tries)[np.arange(n), chosen]
+
+    def _moved(self, motion: Array, root: Array, tries: Array) -> Array:
+        """Poses after the motion and a random part in units of its spread, shape (particles, tries, 3)."""
+        step = motion + tries @ root.T
+        c, s = np.cos(self.poses[:, 2:]), np.sin(self.poses[:, 2:])
+        moved = [c * step[..., 0] - s * step[..., 1], s * step[..., 0] + c * step[..., 1], step[..., 2]]
+        return self.poses[:, None] + np.stack(moved, axis=-1)
+
+    def _fit(self, points: EndPoints, motion: Array, root: Array, tries: Array) -> Array:
+        """Log-likelihood of the scan at each try on its particle's grid, shape (particles, tries)."""
+        n, k = tries.shape[:2]
+        xy, normal = placed(points, self._moved(motion, root, tries).reshape(-1, 3))
+        fit = self._grids.log_likelihood(xy.reshape(n, -1, 2), normal.reshape(n, -1)).reshape(n, k, -1)
+        return np.asarray(fit.sum(axis=-1))
 
     def _resample(self) -> None:
         """Systematic resampling (table 4.4)."""
@@ -129,6 +145,14 @@ class ParticleFilter:
         self._log_weights = np.zeros(n)
 
 
+def _shares(log_weights: Array) -> Array:
+    """Weights that add up to one, shape (n, k)."""
+    weights = np.exp(log_weights - log_weights.max(axis=1, keepdims=True))
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
+
+
+NARROWEST = 0.2
+"""Of the second tries' spread, as a share of the odometry's."""
 LEAST = (1e-6, 1e-6, 1e-8)
 """Variance that any motion has, x y [m2], heading [rad2]."""
 HITS, X, Y, COS, SIN, MISSES = range(6)

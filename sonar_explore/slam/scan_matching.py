@@ -21,15 +21,15 @@ from sonar_explore.slam.end_points import EndPoints, placed
 class ScanMatchConfig:
     """What is matched with what, and how much it counts."""
 
-    reach_m: float = 0.30
+    reach_m: float = 0.80
     """Points farther apart are not of one wall, [m]."""
-    angle_rad: float = math.radians(20.0)
+    angle_rad: float = math.radians(6.0)
     """Nor are points whose walls face differently by more, [rad]."""
     distance_m: float = 0.02
     """Standard deviation of a wall's points from the line they are matched with, [m]."""
-    facing_rad: float = math.radians(2.0)
+    facing_rad: float = math.radians(0.5)
     """Standard deviation of a wall's direction from that line's, [rad]."""
-    neighbours: int = 12
+    neighbours: int = 30
     """Past points that a line is made of, at most."""
     rounds: int = 20
     """Of matching anew and moving, at most."""

@@ -126,7 +126,7 @@ def test_particles_gather_where_the_scan_fits_and_spread_where_nothing_is_heard(
     spread, motion = np.diag([0.05, 0.05, 0.04]) ** 2, Pose(0.45, 0.03, 0.03)  # off by as much as it may be
     found = {}
     for walls in (ROOM, ()):
-        particles = ParticleFilter(start, ParticleConfig(spread=1.0))
+        particles = ParticleFilter(start, ParticleConfig())
         particles.weigh(end_points(seen(start, walls)))
         particles.move(motion, spread)
         particles.weigh(end_points(seen(true, walls)))
@@ -138,7 +138,7 @@ def test_particles_gather_where_the_scan_fits_and_spread_where_nothing_is_heard(
 
 
 def test_few_particles_that_fit_take_over_from_the_rest_with_their_ways():
-    config = ParticleConfig(spread=1.0, resample_below=1.0)
+    config = ParticleConfig(resample_below=1.0)
     particles = ParticleFilter(Pose(1.5, 1.5, 0.0), config)
     particles.weigh(end_points(seen(Pose(1.5, 1.5, 0.0))))
     particles.move(Pose(0.4, 0.0, 0.0), np.diag([0.2, 0.2, 0.2]) ** 2)
