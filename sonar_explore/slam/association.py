@@ -32,6 +32,8 @@ class AssociationConfig:
     """d2: between the nearest ends, only where the two do not overlap, [m]."""
     angle_max_rad: float = MAX_ANGLE_RAD
     """a1: between the two lines, [rad]."""
+    facing: bool = False
+    """Beyond the paper: a wall is heard from one side, and is not what is heard of its other side."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,8 @@ class _Gaps:
     line_distance: Array
     end_gap: Array
     angle: Array
+    same_side: NDArray[np.bool_]
+    """Whether both were heard from the same side: the segment of a wall runs to the left of who hears it."""
 
 
 def associate(
@@ -138,6 +142,7 @@ def _gaps(features: Array, links: Array) -> _Gaps:
         line_distance=(np.abs(across1) + np.abs(across2) + 0.5 * np.abs(across1 + across2)) / 3.0,
         end_gap=np.where(overlap, 0.0, np.minimum.reduce(ends)),
         angle=wrap_undirected(link_angles[None, :] - feature_angles[:, None]),
+        same_side=np.cos(link_angles[None, :] - feature_angles[:, None]) > 0.0,
     )
 
 
@@ -147,7 +152,7 @@ def _inside_gates(gaps: _Gaps, config: AssociationConfig) -> NDArray[np.bool_]:
         & (gaps.end_gap <= config.end_gap_max_m)
         & (np.abs(gaps.angle) <= config.angle_max_rad)
     )
-    return inside
+    return inside & gaps.same_side if config.facing else inside
 
 
 def _closest(

@@ -54,7 +54,7 @@ class SlamConfig:
         return cls(
             features=FeatureConfig(beam_check=True, beam_bearing=True, corner_on_wall=True),
             agreement=AgreementConfig(enabled=True),
-            association=AssociationConfig(end_gap_max_m=1.2),
+            association=AssociationConfig(end_gap_max_m=1.2, facing=True),
             localization=LocalizationConfig(min_consensus=2),
             turning=TurningConfig(enabled=True),
             reference=ReferenceConfig(refined=True),

@@ -88,6 +88,13 @@ DEPARTURES: tuple[Departure, ...] = (
         "line, and a chain that goes on hands its direction on.",
     ),
     Departure(
+        "facing",
+        "slam.association.facing",
+        False,
+        "III.B",
+        "A wall is heard from one side: what is heard of its other side, a hand's breadth away, is another wall.",
+    ),
+    Departure(
         "turning-check",
         "slam.turning.enabled",
         False,

@@ -110,3 +110,14 @@ def test_where_the_map_frame_lies_does_not_matter(heading, x, y, seed):
                 chains.add_link(i - 6, placed)
         answers.append([(a.feature, a.chain, a.link) for a in associate(frame, seen, chains, CONFIG)])
     assert answers[0] == answers[1]
+
+
+@pytest.mark.parametrize("facing", [False, True])
+def test_the_other_side_of_a_thin_wall_is_the_same_wall_to_the_letter_and_another_one_beyond_it(facing):
+    chains = ChainMap()
+    this_side = wall_feature(0.0, 1.0)
+    chains.add_root(Link(this_side.segment, 0, 0, this_side), 0.9)
+    beyond = Pose(2.15, 0.0, math.pi)  # the wall is 15 cm thick
+    config = AssociationConfig(facing=facing)
+    assert len(associate(beyond, [this_side], chains, config)) == (0 if facing else 1)
+    assert len(associate(Pose(0.1, 0.2, 0.05), [this_side], chains, config)) == 1
