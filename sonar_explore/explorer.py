@@ -214,7 +214,8 @@ class Explorer:
         if not self._config.planning.close_loops or not self._loop_trips:
             return ()
         paths, offers = self._plan(pose), []
-        for loop in open_loops(*self._way_so_far(), self.grid):
+        trail, scans = self._way_so_far()
+        for loop in open_loops(trail, scans, self.grid):
             for x, y in loop.goals.tolist():
                 path = paths.to(x, y)
                 aside = any(math.hypot(x - a, y - b) <= PUT_ASIDE_M for a, b in self._put_aside)

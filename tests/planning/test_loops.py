@@ -2,6 +2,7 @@
 """A loop is open until the way has gone all round the block, and then it is not."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,6 +24,10 @@ class Map:
         self.free = states == FREE
 
 
+def hall(block_m) -> Any:
+    return Map(block_m)
+
+
 def way(first_deg, last_deg, radius=2.8):
     """Along a circle about the block, a scan every tenth point."""
     angle = np.radians(np.arange(first_deg, last_deg + 1e-9, 2.0))
@@ -30,21 +35,26 @@ def way(first_deg, last_deg, radius=2.8):
     return trail, np.arange(0, len(trail), 10)
 
 
+def found(driven, grid):
+    trail, scans = driven
+    return open_loops(trail, scans, grid)
+
+
 @pytest.mark.parametrize("driven_deg", [230, 300, 350, 362])
 def test_a_loop_of_which_the_last_stretch_is_missing_is_closed_by_driving_that_stretch(driven_deg):
     trail, scans = way(0, driven_deg)
-    (loop,) = open_loops(trail, scans, Map(3.0))
+    (loop,) = open_loops(trail, scans, hall(3.0))
     assert (loop.x, loop.y) == pytest.approx(MIDDLE, abs=0.05)
     on, _ = way(driven_deg, 360 + math.degrees(OVERLAP_RAD))
     back, _ = way(0, driven_deg)
     assert loop.closed_by(on), "through the gap"
     assert not loop.closed_by(back[::-1]), "back the way it came"
-    assert not open_loops(*way(0, 360 + math.degrees(OVERLAP_RAD) + 2), Map(3.0))
+    assert not found(way(0, 360 + math.degrees(OVERLAP_RAD) + 2), hall(3.0))
 
 
 def test_the_goals_are_scan_positions_a_little_inside_either_end():
     trail, scans = way(0, 300)
-    (loop,) = open_loops(trail, scans, Map(3.0))
+    (loop,) = open_loops(trail, scans, hall(3.0))
     for goal, end in zip(loop.goals, (0.0, 300.0), strict=True):
         assert any(np.array_equal(goal, trail[k]) for k in scans)
         bearing = math.degrees(math.atan2(goal[1] - MIDDLE[1], goal[0] - MIDDLE[0])) % 360.0
@@ -52,5 +62,5 @@ def test_the_goals_are_scan_positions_a_little_inside_either_end():
 
 
 def test_a_pillar_is_no_loop_and_a_loop_hardly_begun_is_left_alone():
-    assert not open_loops(*way(0, 300), Map(0.9))
-    assert not open_loops(*way(0, 200), Map(3.0))
+    assert not found(way(0, 300), hall(0.9))
+    assert not found(way(0, 200), hall(3.0))
