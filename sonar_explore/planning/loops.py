@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.measure import label, regionprops
 
@@ -49,7 +50,7 @@ class OpenLoop:
         return last - first >= math.tau + 0.5 * OVERLAP_RAD
 
 
-def open_loops(trail: Array, scans: Array, grid: OccupancyGrid) -> tuple[OpenLoop, ...]:
+def open_loops(trail: Array, scans: NDArray[np.intp], grid: OccupancyGrid) -> tuple[OpenLoop, ...]:
     """Loops of which most was driven, but not all.
 
     Args:
