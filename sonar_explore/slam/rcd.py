@@ -110,18 +110,20 @@ def regions_of_constant_depth(scan: Scan, tolerance_m: float) -> tuple[Rcd, ...]
     check_scan(scan)
     sweep = _sweep(scan)
     n = len(sweep.order) // 2
-    taken = [False] * n
-    picked = []
-    for start, length in _runs_longest_first(sweep, tolerance_m):
-        # No run taken so far is shorter than this one, so an overlap must cover one of its ends.
-        if taken[start] or taken[(start + length - 1) % n]:
-            continue
-        for reading in range(start, start + length):
-            taken[reading % n] = True
-        picked.append((start, length))
-    return tuple(
-        sorted(_regions(sweep, picked), key=lambda region: math.remainder(region.bearing_rad, math.tau))
+    runs, depths = np.empty((n, 2), dtype=np.int64), np.empty((n, 2))
+    count = _runs_longest_first(
+        sweep.bearings,
+        sweep.ranges,
+        sweep.lever_m,
+        sweep.lever_rad,
+        sweep.joined,
+        tolerance_m,
+        10.0**TIE_DECIMALS,
+        runs,
+        depths,
     )
+    regions = _regions(sweep, runs[:count].tolist(), depths[:count].tolist())
+    return tuple(sorted(regions, key=lambda region: math.remainder(region.bearing_rad, math.tau)))
 
 
 def _sweep(scan: Scan) -> _Sweep:
@@ -144,18 +146,6 @@ def _sweep(scan: Scan) -> _Sweep:
     )
 
 
-def _runs_longest_first(sweep: _Sweep, tolerance_m: float) -> list[tuple[int, int]]:
-    """(start, length) of every run that is constant, longest first, then flattest, then nearest."""
-    n = len(sweep.order) // 2
-    rows = np.empty((n * n, 4))
-    count = _constant_runs(
-        sweep.bearings, sweep.ranges, sweep.lever_m, sweep.lever_rad, sweep.joined, tolerance_m, rows
-    )
-    starts, lengths, spreads, medians = rows[:count].T
-    order = np.lexsort((starts, medians.round(TIE_DECIMALS), spreads.round(TIE_DECIMALS), -lengths))
-    return list(zip(starts[order].astype(int).tolist(), lengths[order].astype(int).tolist(), strict=True))
-
-
 @inner_kernel
 def _depth(bearings, ranges, lever_m, lever_rad, start, length, k):  # type: ignore[no-untyped-def]
     """Perpendicular distance from the centre of reading k of a run, [m].
@@ -168,9 +158,29 @@ def _depth(bearings, ranges, lever_m, lever_rad, start, length, k):  # type: ign
     return ranges[i] + lever_m[i] * math.cos(bearings[i] + lever_rad[i] - normal)
 
 
+@inner_kernel
+def _sorted_depths(bearings, ranges, lever_m, lever_rad, start, length, rising):  # type: ignore[no-untyped-def]
+    """Depths of the readings of a run, rising, into `rising`."""
+    for k in range(length):
+        depth = _depth(bearings, ranges, lever_m, lever_rad, start, length, k)
+        at = k
+        while at > 0 and rising[at - 1] > depth:
+            rising[at] = rising[at - 1]
+            at -= 1
+        rising[at] = depth
+
+
+@inner_kernel
+def _middle(rising, length):  # type: ignore[no-untyped-def]
+    return 0.5 * (rising[(length - 1) // 2] + rising[length // 2])
+
+
 @kernel
-def _constant_runs(bearings, ranges, lever_m, lever_rad, joined, tolerance, rows):  # type: ignore[no-untyped-def]
-    """(start, length, spread, median) of each constant run, into `rows`: how many. Ends at a length that none has."""
+def _constant_runs(bearings, ranges, lever_m, lever_rad, joined, tolerance, tie, rows):  # type: ignore[no-untyped-def]
+    """(start, length, spread, median) of each constant run, the shortest first, into `rows`: how many.
+
+    Ends at a length that none has; spreads and medians are rounded, `tie` steps to the metre.
+    """
     n = len(ranges) // 2
     together = np.empty(n, dtype=np.int64)  # readings from each start on that follow one another
     for start in range(n):
@@ -185,48 +195,73 @@ def _constant_runs(bearings, ranges, lever_m, lever_rad, joined, tolerance, rows
         for start in range(n):
             if together[start] < length:
                 continue
-            for k in range(length):
-                depth = _depth(bearings, ranges, lever_m, lever_rad, start, length, k)
-                at = k
-                while at > 0 and rising[at - 1] > depth:
-                    rising[at] = rising[at - 1]
-                    at -= 1
-                rising[at] = depth
-            median = 0.5 * (rising[(length - 1) // 2] + rising[length // 2])
+            _sorted_depths(bearings, ranges, lever_m, lever_rad, start, length, rising)
+            median = _middle(rising, length)
             spread = max(median - rising[0], rising[length - 1] - median)
             if spread <= tolerance:
-                rows[count, 0], rows[count, 1], rows[count, 2], rows[count, 3] = start, length, spread, median
+                rows[count, 0], rows[count, 1] = start, length
+                rows[count, 2], rows[count, 3] = np.rint(spread * tie) / tie, np.rint(median * tie) / tie
                 count += 1
         if count == before:
             break
     return count
 
 
-def _regions(sweep: _Sweep, picked: list[tuple[int, int]]) -> list[Rcd]:
-    bearings, ranges, order = sweep.bearings.tolist(), sweep.ranges.tolist(), sweep.order.tolist()
-    levers, angles = sweep.lever_m.tolist(), sweep.lever_rad.tolist()
+@kernel
+def _runs_longest_first(bearings, ranges, lever_m, lever_rad, joined, tolerance, tie, runs, depths):  # type: ignore[no-untyped-def]
+    """Constant runs that share no reading: the longest first, then the flattest, then the nearest: how many.
+
+    Their starts and lengths go into `runs`, the medians of their depths and of their ranges into `depths`.
+    """
+    n = len(ranges) // 2
+    rows = np.empty((n * n, 4))
+    left = _constant_runs(bearings, ranges, lever_m, lever_rad, joined, tolerance, tie, rows)
+    taken = np.zeros(n, dtype=np.bool_)
+    rising = np.empty(n)
+    count = 0
+    while left > 0:
+        length = int(rows[left - 1, 1])
+        first = left
+        while first > 0 and rows[first - 1, 1] == length:
+            first -= 1
+        while True:
+            best = -1
+            for i in range(first, left):
+                start = int(rows[i, 0])
+                # No run taken so far is shorter than this one, so an overlap must cover one of its ends.
+                if taken[start] or taken[(start + length - 1) % n]:
+                    continue
+                if best < 0 or rows[i, 2] < rows[best, 2]:
+                    best = i
+                elif rows[i, 2] == rows[best, 2] and rows[i, 3] < rows[best, 3]:
+                    best = i
+            if best < 0:
+                break
+            start = int(rows[best, 0])
+            for k in range(length):
+                taken[(start + k) % n] = True
+            runs[count, 0], runs[count, 1] = start, length
+            _sorted_depths(bearings, ranges, lever_m, lever_rad, start, length, rising)
+            depths[count, 0] = _middle(rising, length)
+            for k in range(length):
+                echo = ranges[start + k]
+                at = k
+                while at > 0 and rising[at - 1] > echo:
+                    rising[at] = rising[at - 1]
+                    at -= 1
+                rising[at] = echo
+            depths[count, 1] = _middle(rising, length)
+            count += 1
+        left = first
+    return count
+
+
+def _regions(sweep: _Sweep, runs: list[list[int]], depths: list[list[float]]) -> list[Rcd]:
+    bearings, order = sweep.bearings.tolist(), sweep.order.tolist()
     regions = []
-    for start, length in picked:
-        run = slice(start, start + length)
-        turns = math.tau * round(0.5 * (bearings[start] + bearings[start + length - 1]) / math.tau)
-        depths = [_depth_of(bearings, ranges, levers, angles, start, length, k) for k in range(length)]
-        regions.append(
-            Rcd(
-                readings=tuple(order[run]),
-                first_rad=bearings[start] - turns,
-                last_rad=bearings[start + length - 1] - turns,
-                depth_m=_median(depths),
-                echo_m=_median(ranges[run]),
-            )
-        )
+    for (start, length), (depth, echo) in zip(runs, depths, strict=True):
+        first, last = bearings[start], bearings[start + length - 1]
+        turns = math.tau * round(0.5 * (first + last) / math.tau)
+        readings = tuple(order[start : start + length])
+        regions.append(Rcd(readings, first - turns, last - turns, depth, echo))
     return regions
-
-
-_depth_of = getattr(_depth, "py_func", _depth)
-
-
-def _median(values: list[float]) -> float:
-    """As `np.median`, of a handful."""
-    rising = sorted(values)
-    n = len(rising)
-    return 0.5 * (rising[(n - 1) // 2] + rising[n // 2])
