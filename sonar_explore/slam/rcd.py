@@ -231,9 +231,8 @@ def _runs_longest_first(bearings, ranges, lever_m, lever_rad, joined, tolerance,
                 # No run taken so far is shorter than this one, so an overlap must cover one of its ends.
                 if taken[start] or taken[(start + length - 1) % n]:
                     continue
-                if best < 0 or rows[i, 2] < rows[best, 2]:
-                    best = i
-                elif rows[i, 2] == rows[best, 2] and rows[i, 3] < rows[best, 3]:
+                flatter = best < 0 or rows[i, 2] < rows[best, 2]
+                if flatter or (rows[i, 2] == rows[best, 2] and rows[i, 3] < rows[best, 3]):
                     best = i
             if best < 0:
                 break
