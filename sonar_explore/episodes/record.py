@@ -96,11 +96,12 @@ class StepRecord(msgspec.Struct, frozen=True):
     """Believed poses on the drive that led here."""
     true_trail: list[Pose3]
     scan_headings_rad: list[float]
+    """Of the one disc that the paper would keep."""
     scan_ranges_m: list[float]
     scan_ring: list[Pose3]
     """Of a ring scan: where the disc of each reading sits on the body; empty where one disc heard all."""
     odometry: Pose3
-    """When the scan began, in the odometry frame: with the scan, all that a replay needs."""
+    """When the scan began, in the odometry frame. A log (`run --log`) keeps what a replay needs: all discs, the way."""
     features: list[FeatureRecord]
     associations: list[AssociationRecord]
     new_chains: list[int]
