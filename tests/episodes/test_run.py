@@ -148,7 +148,7 @@ def test_a_policy_that_chooses_what_is_not_there_is_an_error(policy):
     [
         ({"world": "paper/moon"}, "paper/corridor"),
         ({"agent": "nobody"}, "frontier"),
-        ({"slam": "magic"}, "chain, literal, off, smoothed, truth"),
+        ({"slam": "magic"}, "chain, grid-pf, literal, off, scan-match, smoothed, truth"),
         ({"noise": "loud"}, "ideal, paper, worn"),
         ({"seed": -1}, "out of range"),
         ({"seed": 2**32}, "out of range"),
