@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from sonar_explore.choices import SLAMS
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.replay.commands import real_sonar, replay
 from sonar_explore.studies.commands import STUDY_COMMANDS
@@ -28,15 +29,6 @@ EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130  # what shells report for Ctrl-C
 EXIT_BROKEN_PIPE = 141  # and for a reader that went away
 SEED_MAX = 2**32 - 1
-SLAMS = (
-    "chain",
-    "grid-pf",
-    "literal",
-    "off",
-    "scan-match",
-    "smoothed",
-    "truth",
-)  # spelled out: slam is too heavy to import for a help page
 NOT_IN_A_NAME = "?&=:/\\"
 
 

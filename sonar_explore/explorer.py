@@ -26,7 +26,6 @@ from sonar_explore.slam import Chain, ScanUpdate, Slam
 MIN_FRONTIER_M = 0.15
 MAX_REPLANS = 4
 LOOP_TRIPS = 12  # drives to close loops
-PUT_ASIDE_M = 0.30
 SECOND_CHANCES = 3  # times that places which were put aside are tried again before giving up
 DOUBTS = 24  # legs driven by a map that believes less, after nothing is left on the one that believes all
 DOUBT_AREA_M2 = 0.8  # new area for which that is worth it
@@ -213,13 +212,13 @@ class Explorer:
         """Before calling it finished: drive the last stretch of a loop, or go to where that stretch begins."""
         if not self._config.planning.close_loops or not self._loop_trips:
             return ()
-        paths, offers = self._plan(pose), []
+        paths, offers, apart_m = self._plan(pose), [], self._config.candidates.apart_m
         trail, scans = self._way_so_far()
         for loop in open_loops(trail, scans, self.grid):
             for x, y in loop.goals.tolist():
                 path = paths.to(x, y)
-                aside = any(math.hypot(x - a, y - b) <= PUT_ASIDE_M for a, b in self._put_aside)
-                if path is None or aside or math.hypot(x - pose.x, y - pose.y) <= PUT_ASIDE_M:
+                aside = any(math.hypot(x - a, y - b) <= apart_m for a, b in self._put_aside)
+                if path is None or aside or math.hypot(x - pose.x, y - pose.y) <= apart_m:
                     continue
                 length = path_length(path)
                 offers.append((not loop.closed_by(path), length, Candidate(x, y, length, 0.0, (), 0.0, ())))

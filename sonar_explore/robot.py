@@ -31,7 +31,8 @@ class Robot(Protocol):
         ...
 
     def scan(self, direction: int) -> Scan:
-        """Turn once on the spot, +1 counter-clockwise or -1 clockwise, keeping one sonar (section IV)."""
+        """Turn once on the spot, +1 counter-clockwise or -1 clockwise: what the kept sonar heard (section IV), and with
+        it in `others` what the rest did, where they were recorded."""
         ...
 
     def ring_scan(self, direction: int) -> Scan:

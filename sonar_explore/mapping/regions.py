@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
+from skimage.measure import label, regionprops
 
 from sonar_explore.compiled import kernel
 from sonar_explore.mapping.grid import Cells, Mask
@@ -14,6 +16,28 @@ def without_holes(mask: Mask, most: int) -> Mask:
     out = mask.copy()
     _fill(out, most)
     return out
+
+
+def enclosed_blocks(
+    free: Mask, origin: tuple[float, float], resolution_m: float, least_m2: float
+) -> list[tuple[float, float]]:
+    """Middles x y [m] of the areas of at least this size that free cells surround.
+
+    Args:
+        free: shape (rows, columns).
+        origin: outer corner x y of cell (0, 0), [m].
+        resolution_m: side of a cell, [m].
+        least_m2: area, [m2].
+    """
+    enclosed = ndimage.binary_fill_holes(free) & ~free
+    return [
+        (
+            origin[0] + (region.centroid[1] + 0.5) * resolution_m,
+            origin[1] + (region.centroid[0] + 0.5) * resolution_m,
+        )
+        for region in regionprops(label(enclosed, connectivity=1))
+        if region.area * resolution_m**2 >= least_m2
+    ]
 
 
 def labelled(cells: Cells, shape: tuple[int, int]) -> NDArray[np.int64]:

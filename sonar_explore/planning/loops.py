@@ -11,11 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
-from skimage.measure import label, regionprops
 
 from sonar_explore.geometry import Array
 from sonar_explore.mapping.occupancy import OccupancyGrid
+from sonar_explore.mapping.regions import enclosed_blocks
 
 LEAST_BLOCK_M2 = 1.0
 """A pillar makes no loop: what a loop leads round has at least this area, [m2]."""
@@ -58,8 +57,8 @@ def open_loops(trail: Array, scans: NDArray[np.intp], grid: OccupancyGrid) -> tu
         scans: indices into the trail of the scan positions, shape (k,).
         grid: the map.
     """
-    found = []
-    for x, y in _blocks(grid):
+    found, frame = [], grid.frame
+    for x, y in enclosed_blocks(grid.free, (frame.x0, frame.y0), frame.resolution_m, LEAST_BLOCK_M2):
         bearing = _bearings(trail, x, y)
         first, last = float(bearing.min()), float(bearing.max())
         if not LEAST_SHARE * math.tau <= last - first < math.tau + OVERLAP_RAD:
@@ -75,18 +74,3 @@ def open_loops(trail: Array, scans: NDArray[np.intp], grid: OccupancyGrid) -> tu
 
 def _bearings(points: Array, x: float, y: float) -> Array:
     return np.unwrap(np.arctan2(points[:, 1] - y, points[:, 0] - x))
-
-
-def _blocks(grid: OccupancyGrid) -> list[tuple[float, float]]:
-    """Middles of the areas that free space surrounds, map frame, [m]."""
-    frame = grid.frame
-    enclosed = ndimage.binary_fill_holes(grid.free) & ~grid.free
-    regions = regionprops(label(enclosed, connectivity=1))
-    return [
-        (
-            frame.x0 + (r.centroid[1] + 0.5) * frame.resolution_m,
-            frame.y0 + (r.centroid[0] + 0.5) * frame.resolution_m,
-        )
-        for r in regions
-        if r.area * frame.resolution_m**2 >= LEAST_BLOCK_M2
-    ]

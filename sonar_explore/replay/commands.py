@@ -6,15 +6,7 @@ from pathlib import Path
 
 import click
 
-SLAMS = (
-    "chain",
-    "grid-pf",
-    "literal",
-    "off",
-    "scan-match",
-    "smoothed",
-    "truth",
-)  # spelled out: slam is too heavy for a help page
+from sonar_explore.choices import SLAMS
 
 
 @click.command("real-sonar")

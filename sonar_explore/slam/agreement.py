@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -74,22 +74,20 @@ class _Heard:
     """What passed for a wall with some disc; every array has shape (n,)."""
 
     disc: np.ndarray
+    """Which of the discs heard it, counted from the scan's own."""
     bearing: Array
+    """Of its normal, robot frame at the start of the scan, [rad]."""
     range: Array
+    """From the robot's centre, [m]."""
     sweep: Array
+    """How far the robot had turned by then, signed, [rad]."""
     width: Array
+    """From the first to the last heading that heard it, [rad]."""
     aside: Array
     """How far the axis of the disc passes from the turning axis, to its left, [m]."""
 
     def only(self, rows: Array) -> _Heard:
-        return _Heard(
-            self.disc[rows],
-            self.bearing[rows],
-            self.range[rows],
-            self.sweep[rows],
-            self.width[rows],
-            self.aside[rows],
-        )
+        return _Heard(**{item.name: getattr(self, item.name)[rows] for item in fields(self)})
 
 
 def extract(scan: Scan, config: FeatureConfig, agreement: AgreementConfig) -> Extraction:
@@ -103,7 +101,10 @@ def extract(scan: Scan, config: FeatureConfig, agreement: AgreementConfig) -> Ex
     agreed = [_feature(thing, first, config, agreement) for thing in things]
     walls = [t for t, f in zip(things, agreed, strict=True) if f.kind is FeatureKind.WALL]
     points = [
-        f for f in first if f.kind is not FeatureKind.WALL and not any(_same(f, a, agreement) for a in agreed)
+        f
+        for f in first
+        if f.kind is not FeatureKind.WALL
+        and not any(_near(f, a.bearing_rad, a.range_m, agreement) for a in agreed)
     ]
     features = tuple(sorted([*agreed, *points], key=lambda feature: feature.bearing_rad))
     return Extraction(features, _turn_error(walls, agreement))
@@ -132,30 +133,30 @@ def _things(heard: _Heard, config: AgreementConfig) -> list[np.ndarray]:
     )
     distance = np.where((apart[0] <= 1.0) & (apart[1] <= 1.0), apart[0] + apart[1], np.inf)
     things = []
+    of_disc = [np.flatnonzero(heard.disc == k) for k in np.unique(heard.disc)]
     while len(distance):
-        per_disc = [distance[:, heard.disc == k] for k in np.unique(heard.disc)]
-        nearest = np.column_stack(
-            [d.min(axis=1) if d.shape[1] else np.full(len(d), np.inf) for d in per_disc]
-        )
+        nearest = np.column_stack([distance[:, rows].min(axis=1) for rows in of_disc])
         count = np.isfinite(nearest).sum(axis=1)
         if count.max() < config.discs_min:
             break
         spread = np.where(np.isfinite(nearest), nearest, 0.0).sum(axis=1)
         seed = np.lexsort((heard.bearing, spread.round(9), -count))[0]
-        rows = [
-            np.flatnonzero(heard.disc == k)[int(np.argmin(distance[seed, heard.disc == k]))]
-            for k in np.unique(heard.disc)
-            if np.isfinite(distance[seed, heard.disc == k]).any()
-        ]
-        things.append(np.array(rows))
-        distance[rows, :] = distance[:, rows] = np.inf
+        members = np.array(
+            [
+                rows[np.argmin(distance[seed, rows])]
+                for rows, near in zip(of_disc, nearest[seed], strict=True)
+                if np.isfinite(near)
+            ]
+        )
+        things.append(members)
+        distance[members, :] = distance[:, members] = np.inf
     return things
 
 
 def _unwrapped(thing: _Heard) -> _Heard:
     """With bearings that do not jump at half a turn."""
     bearing = thing.bearing[0] + wrap_angle(thing.bearing - thing.bearing[0])
-    return _Heard(thing.disc, bearing, thing.range, thing.sweep, thing.width, thing.aside)
+    return replace(thing, bearing=bearing)
 
 
 def _feature(
@@ -189,10 +190,6 @@ def _near(feature: Feature, bearing: float, depth: float, config: AgreementConfi
         abs(wrap_angle(feature.bearing_rad - bearing)) <= config.bearing_rad
         and abs(feature.range_m - depth) <= config.range_m
     )
-
-
-def _same(feature: Feature, other: Feature, config: AgreementConfig) -> bool:
-    return _near(feature, other.bearing_rad, other.range_m, config)
 
 
 def _turn_error(walls: Sequence[_Heard], config: AgreementConfig) -> TurnError | None:

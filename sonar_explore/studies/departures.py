@@ -76,7 +76,7 @@ DEPARTURES: tuple[Departure, ...] = (
         False,
         "IV",
         "All eight discs are recorded while the robot turns, not one: a wall is what at least four of them hear at one "
-        "bearing, which eight together know four times as well; a point is told from a plane by how its bearing shifts "
+        "bearing, which eight together know better than one; a point is told from a plane by how its bearing shifts "
         "with the discs; and walls heard early by one and late by another tell the error of the turn itself.",
     ),
     Departure(

@@ -63,8 +63,9 @@ def test_an_ideal_robot_does_what_its_odometry_says(seed, forward, turn):
 @given(st.integers(0, 2**32 - 1))
 def test_systematic_errors_are_half_to_one_and_a_half_times_the_figure(seed):
     error = OdometryError(OdometryNoise(), WHEEL_BASE_M, np.random.default_rng(seed))
-    assert 0.5 <= abs(error.turn_scale - 1.0) / 0.005 <= 1.5
-    assert 0.5 <= abs(error.curvature_rad_m) * WHEEL_BASE_M / 0.003 <= 1.51
+    assert 0.5 - 1e-9 <= abs(error.turn_scale - 1.0) / 0.005 <= 1.5 + 1e-9
+    bend = error.curvature_rad_m * WHEEL_BASE_M  # 2 (E_d - 1) / (E_d + 1)
+    assert 0.5 - 1e-9 <= abs(2.0 * bend / (2.0 - bend)) / 0.003 <= 1.5 + 1e-9
 
 
 def test_all_four_pairs_of_signs_are_drawn_and_the_magnitude_is_one_on_the_average():
