@@ -24,7 +24,7 @@ def real_sonar(data: Path, seeds: int, out: Path, docs: Path | None) -> None:
     """Judge extraction and SLAM on the recorded sonar in DATA (docs/real_sonar.md)."""
     from sonar_explore.episodes.files import writable_folder
     from sonar_explore.reports.real_sonar import put_into_docs, write_real_sonar
-    from sonar_explore.studies.real_sonar import study_real_sonar
+    from sonar_explore.studies.real_sonar.study import study_real_sonar
 
     with writable_folder(out):
         found = study_real_sonar(data, seeds)

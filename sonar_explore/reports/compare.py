@@ -14,8 +14,8 @@ from sonar_explore.reports.study import _common, write_page
 from sonar_explore.reports.study_charts import Interval, Lane, Mark, strip
 
 if TYPE_CHECKING:
-    from sonar_explore.studies.compare import DriveOutcome
-    from sonar_explore.studies.compare_results import Comparison
+    from sonar_explore.studies.compare.jobs import DriveOutcome
+    from sonar_explore.studies.compare.results import Comparison
 
 STYLES = {
     "off": "loose",
@@ -32,7 +32,7 @@ DRAWN = ("chain", "smoothed", "grid-pf", "scan-match", "oracle")
 
 def write_comparison(found: Comparison, outcomes: Sequence[DriveOutcome], folder: Path) -> None:
     """`index.html`"""
-    from sonar_explore.studies.compare_results import accuracy_table, closed_loop_table, goal_lines
+    from sonar_explore.studies.compare.tables import accuracy_table, closed_loop_table, goal_lines
 
     parts = []
     for noise in found.noises:

@@ -14,8 +14,8 @@ from sonar_explore.geometry import Segment
 from sonar_explore.replay.play import Replay
 from sonar_explore.reports.replay import picture_url, write_sonar_page
 from sonar_explore.reports.sonar_pictures import ECHO, INK, SOFT, TRUE, draw_replay, draw_scan, png, sheet
-from sonar_explore.studies.real_sonar import NOISES, SLAMS, PoseErrors, RealSonar, ScanSet
-from sonar_explore.studies.real_sonar_fit import BeamFit
+from sonar_explore.studies.real_sonar.fit import BeamFit
+from sonar_explore.studies.real_sonar.study import NOISES, SLAMS, PoseErrors, RealSonar, ScanSet
 from sonar_explore.studies.tables import Table
 
 MARK = "<!-- real-sonar -->", "<!-- end of real-sonar -->"

@@ -21,7 +21,7 @@ from sonar_explore.reports.scene import drive, true_drive
 from sonar_explore.reports.study_charts import Interval, Lane, Mark, Spot, seed_squares, small_multiple, strip
 
 if TYPE_CHECKING:
-    from sonar_explore.studies.compare_results import Comparison
+    from sonar_explore.studies.compare.results import Comparison
     from sonar_explore.studies.jobs import Outcome
     from sonar_explore.studies.results import Study
     from sonar_explore.studies.statistics import Median

@@ -56,7 +56,8 @@ def _options(
 )
 def reproduce(arms: tuple[str, ...], **choices: Any) -> None:
     """Run the paper's worlds with and without SLAM over many seeds; make tables and pages."""
-    from sonar_explore.studies.study import Choices, run_reproduction
+    from sonar_explore.studies.reproduce import run_reproduction
+    from sonar_explore.studies.study import Choices
 
     run_reproduction(Choices(**choices), arms)
 
@@ -65,7 +66,8 @@ def reproduce(arms: tuple[str, ...], **choices: Any) -> None:
 @_options("ablation", seeds=20)
 def ablation(**choices: Any) -> None:
     """Turn off every departure from the paper, one at a time."""
-    from sonar_explore.studies.study import Choices, run_ablation
+    from sonar_explore.studies.ablation import run_ablation
+    from sonar_explore.studies.study import Choices
 
     run_ablation(Choices(**choices))
 
@@ -74,7 +76,8 @@ def ablation(**choices: Any) -> None:
 @_options("sensitivity", seeds=10, worlds=("paper/loop", "paper/rooms"))
 def sensitivity(**choices: Any) -> None:
     """Sweep the paper's thresholds, the scan and the wheels around their defaults."""
-    from sonar_explore.studies.study import Choices, run_sensitivity
+    from sonar_explore.studies.sensitivity import run_sensitivity
+    from sonar_explore.studies.study import Choices
 
     run_sensitivity(Choices(**choices))
 
@@ -117,7 +120,7 @@ def explore_plans(**choices: Any) -> None:
     DATA is by default the folder plans/ of SONAR_EXPLORE_DATA; where that is not set, generated worlds alone are run.
     Plans above 400 m2 are cut; those with no furnished version get clutter as well.
     """
-    from sonar_explore.studies.plans import PlanChoices, run_plans
+    from sonar_explore.studies.plans.study import PlanChoices, run_plans
 
     run_plans(PlanChoices(**choices))
 
@@ -133,7 +136,7 @@ def explore_plans(**choices: Any) -> None:
 )
 def compare(closed_loop_seeds: int, **choices: Any) -> None:
     """Feed the same recorded drives to every SLAM and to an oracle; --noise takes several, comma between."""
-    from sonar_explore.studies.compare_study import run_comparison
+    from sonar_explore.studies.compare.study import run_comparison
     from sonar_explore.studies.study import Choices
 
     run_comparison(Choices(**choices), closed_loop_seeds)

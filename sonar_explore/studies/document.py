@@ -16,13 +16,14 @@ import msgspec
 
 from sonar_explore.episodes.files import write_atomically
 from sonar_explore.errors import SonarExploreError
-from sonar_explore.studies.compare_results import COMPARISON, Comparison, comparison_lines, load_comparison
-from sonar_explore.studies.plans import report
-from sonar_explore.studies.plans_page import PICTURES, failure_lines
-from sonar_explore.studies.plans_results import KIND, PlansStudy, load_plans_study
+from sonar_explore.studies.compare.results import COMPARISON, Comparison, load_comparison
+from sonar_explore.studies.compare.tables import comparison_lines
+from sonar_explore.studies.plans.page import PICTURES, failure_lines
+from sonar_explore.studies.plans.results import KIND, PlansStudy, load_plans_study
+from sonar_explore.studies.plans.study import report
 from sonar_explore.studies.results import Study, load_study
 from sonar_explore.studies.ring_scan import ring_table
-from sonar_explore.studies.study import sensitivity_lines
+from sonar_explore.studies.sensitivity import sensitivity_lines
 from sonar_explore.studies.tables import goal_lines, pooled_table, table_of
 
 PAGE = Path("docs/reproduction.md")

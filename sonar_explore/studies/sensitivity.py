@@ -1,4 +1,4 @@
-"""What a sweep shows, point by point and in a sentence that is made from the numbers."""
+"""`sensitivity`: what each sweep shows, point by point and in a sentence that is made from the numbers."""
 
 from __future__ import annotations
 
@@ -6,12 +6,32 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from sonar_explore.episodes.files import write_atomically
+from sonar_explore.studies import progress
 from sonar_explore.studies.results import Row, Study, row_of
 from sonar_explore.studies.statistics import paired_p_value
+from sonar_explore.studies.study import Choices, run_variants
 from sonar_explore.studies.success import causes_of_failure
-from sonar_explore.studies.sweeps import Sweep
+from sonar_explore.studies.sweeps import SWEEPS, Sweep, sweep_variants
 
 SIGNIFICANT = 0.05
+
+
+def run_sensitivity(choices: Choices) -> Study:
+    """Each number around its default."""
+    from sonar_explore.reports.study import write_sensitivity
+
+    study = run_variants("sensitivity", choices, sweep_variants(), keep_record=False)
+    lines = sensitivity_lines(study)
+    write_atomically(choices.out / "table.md", "\n".join(["# Sensitivity", "", *lines, ""]).encode())
+    write_sensitivity(study, choices.out)
+    progress.say(*lines, f"page: {choices.out / 'index.html'}")
+    return study
+
+
+def sensitivity_lines(study: Study) -> list[str]:
+    """One sentence a sweep, as a list in Markdown."""
+    return [f"- **{s.name}** (`{s.option}`): {sentence(s, points_of(study, s))}" for s in SWEEPS]
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,11 @@ from sonar_explore.cli import main
 from sonar_explore.studies import episode, runner
 from sonar_explore.studies.document import with_section
 from sonar_explore.studies.jobs import Job, Variant, jobs_of
+from sonar_explore.studies.reproduce import run_reproduction
 from sonar_explore.studies.results import load_study
 from sonar_explore.studies.runner import plan, run_jobs
 from sonar_explore.studies.store import load_record_packed, record_path
-from sonar_explore.studies.study import Choices, run_reproduction
+from sonar_explore.studies.study import Choices
 
 ARMS = ("chain", "off")
 

@@ -27,7 +27,7 @@ from sonar_explore.slam.features import Feature, FeatureConfig, FeatureKind
 from sonar_explore.slam.motion import Motion, MotionSum, RandomWalk
 from sonar_explore.slam.slam import turn_of
 from sonar_explore.slam.smoothing import Sighting, Smoother, SmoothingConfig
-from sonar_explore.studies.drives import Drive
+from sonar_explore.studies.compare.drives import Drive
 
 TOUCH_M, STRAIGHT_RAD = 0.002, math.radians(0.5)
 ONE_LINE_M, ONE_LINE_RAD = 0.02, math.radians(1.0)

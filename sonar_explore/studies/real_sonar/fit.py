@@ -14,7 +14,7 @@ from sonar_explore.envs.scene import Scene
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Array, Pose, Segment
 from sonar_explore.measurement import Scan
-from sonar_explore.studies.real_sonar_walls import Verdict, judged
+from sonar_explore.studies.real_sonar.walls import Verdict, judged
 
 TWINS = 10
 """Simulated scans for each recorded one."""

@@ -11,7 +11,7 @@ from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.envs.world import load_world
 from sonar_explore.episodes.files import writable_folder, write_atomically
 from sonar_explore.studies import progress
-from sonar_explore.studies.compare import (
+from sonar_explore.studies.compare.jobs import (
     ORACLE,
     REPLAYED,
     DriveJob,
@@ -20,13 +20,8 @@ from sonar_explore.studies.compare import (
     finished_drive,
     run_drive,
 )
-from sonar_explore.studies.compare_results import (
-    Comparison,
-    brief_table,
-    comparison_lines,
-    comparison_of,
-    goal_lines,
-)
+from sonar_explore.studies.compare.results import Comparison, comparison_of
+from sonar_explore.studies.compare.tables import brief_table, comparison_lines, goal_lines
 from sonar_explore.studies.jobs import Variant
 from sonar_explore.studies.results import Row
 from sonar_explore.studies.runner import in_processes, usable_cores

@@ -12,10 +12,10 @@ from sonar_explore.config import ExplorationConfig
 from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.episodes.scoring import Scorer
 from sonar_explore.geometry import Pose
-from sonar_explore.studies.accuracy import accuracy, aligned_error, replay, revisit_gap
-from sonar_explore.studies.compare import REPLAYED
-from sonar_explore.studies.drives import record_drive
-from sonar_explore.studies.oracle import lines_of, oracle
+from sonar_explore.studies.compare.accuracy import accuracy, aligned_error, replay, revisit_gap
+from sonar_explore.studies.compare.drives import record_drive
+from sonar_explore.studies.compare.jobs import REPLAYED
+from sonar_explore.studies.compare.oracle import lines_of, oracle
 
 CONFIG = ExplorationConfig(max_scans=8).with_noise("paper")
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sonar_explore.studies.plans_results import PlansStudy, Run
+from sonar_explore.studies.plans.results import PlansStudy, Run
 from sonar_explore.studies.statistics import median, rate
 from sonar_explore.studies.success import LEAST_EXPLORED
 from sonar_explore.studies.tables import Table, median_text, rate_text

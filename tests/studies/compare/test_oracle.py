@@ -12,8 +12,8 @@ from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.envs.world import World, load_world
 from sonar_explore.geometry import Pose, Segment
 from sonar_explore.slam import Feature, FeatureKind, SlamConfig, make_slam
-from sonar_explore.studies.drives import record_drive
-from sonar_explore.studies.oracle import OracleConfig, oracle, straight_walls, true_walls
+from sonar_explore.studies.compare.drives import record_drive
+from sonar_explore.studies.compare.oracle import OracleConfig, oracle, straight_walls, true_walls
 
 FEATURES, AGREEMENT = SlamConfig.robust().features, SlamConfig.robust().agreement
 SHORT = ExplorationConfig(max_scans=14)

@@ -16,11 +16,11 @@ from sonar_explore.errors import SonarExploreError, unknown_name
 from sonar_explore.slam import SLAMS
 from sonar_explore.studies import progress
 from sonar_explore.studies.jobs import Job, Outcome, Variant, code_fingerprint
-from sonar_explore.studies.plans_page import write_pages
-from sonar_explore.studies.plans_results import KIND, Miss, PlansStudy, Run, late_s, parts_left
-from sonar_explore.studies.plans_tables import goal_lines, group_table, growth_table, plan_table
-from sonar_explore.studies.plans_tour import kept_tour
-from sonar_explore.studies.plans_worlds import Building, buildings_of, data_folder, generated, plan_files
+from sonar_explore.studies.plans.buildings import Building, buildings_of, data_folder, generated, plan_files
+from sonar_explore.studies.plans.page import write_pages
+from sonar_explore.studies.plans.results import KIND, Miss, PlansStudy, Run, late_s, parts_left
+from sonar_explore.studies.plans.tables import goal_lines, group_table, growth_table, plan_table
+from sonar_explore.studies.plans.tour import kept_tour
 from sonar_explore.studies.runner import plan, run_jobs, usable_cores
 from sonar_explore.studies.store import load_record_packed, record_path
 

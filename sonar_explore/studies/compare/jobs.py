@@ -1,7 +1,4 @@
-"""The comparison study: every SLAM on the same recorded drives, beside an oracle that is told what is what.
-
-One job is one drive: recorded once, fed to every SLAM. What is finished is kept, so that the study can be stopped.
-"""
+"""One drive of the comparison: recorded once, fed to every SLAM; what is finished is kept, as it can be stopped."""
 
 from __future__ import annotations
 
@@ -17,10 +14,10 @@ from sonar_explore.config import ExplorationConfig
 from sonar_explore.episodes.files import write_atomically
 from sonar_explore.episodes.scoring import Scorer
 from sonar_explore.slam import SlamConfig
-from sonar_explore.studies import accuracy as accuracies
-from sonar_explore.studies import drives, oracle
-from sonar_explore.studies.accuracy import Accuracy, accuracy, replay
-from sonar_explore.studies.drives import record_drive
+from sonar_explore.studies.compare import accuracy as accuracies
+from sonar_explore.studies.compare import drives, oracle
+from sonar_explore.studies.compare.accuracy import Accuracy, accuracy, replay
+from sonar_explore.studies.compare.drives import record_drive
 from sonar_explore.studies.episode import one_line
 from sonar_explore.studies.jobs import Job, Variant
 

@@ -22,9 +22,9 @@ from sonar_explore.replay.layouts import WAYPOINTS_M, read_logs
 from sonar_explore.replay.log import Log
 from sonar_explore.replay.play import replay
 from sonar_explore.sensors import sensor_preset
-from sonar_explore.studies.real_sonar import arena, study_real_sonar, with_odometry
-from sonar_explore.studies.real_sonar_fit import fit_beam, half_angle_deg
-from sonar_explore.studies.real_sonar_walls import judged, lies_on, visible_walls
+from sonar_explore.studies.real_sonar.fit import fit_beam, half_angle_deg
+from sonar_explore.studies.real_sonar.study import arena, study_real_sonar, with_odometry
+from sonar_explore.studies.real_sonar.walls import judged, lies_on, visible_walls
 
 DATA = os.environ.get("SONAR_EXPLORE_DATA")
 recorded = pytest.mark.skipif(DATA is None, reason="SONAR_EXPLORE_DATA is not set: no recorded sonar to read")

@@ -22,8 +22,8 @@ from sonar_explore.replay.log import Log
 from sonar_explore.replay.play import Replay, replay
 from sonar_explore.sensors import sensor_preset
 from sonar_explore.slam.features import FeatureConfig
-from sonar_explore.studies.real_sonar_fit import BeamFit, Likeness, fit_beam, likeness, twins
-from sonar_explore.studies.real_sonar_walls import Verdict, judged
+from sonar_explore.studies.real_sonar.fit import BeamFit, Likeness, fit_beam, likeness, twins
+from sonar_explore.studies.real_sonar.walls import Verdict, judged
 
 SLAMS = ("off", "literal", "chain", "smoothed")
 NOISES = ("paper", "worn")

@@ -6,14 +6,13 @@
 from __future__ import annotations
 
 import ast
-import sys
 from pathlib import Path
 
 from sonar_explore.errors import SonarExploreError
-from sonar_explore.studies.citations import Place, places
-from sonar_explore.studies.statements import STATEMENTS, Statement
+from sonar_explore.studies.conformance.citations import Place, places
+from sonar_explore.studies.conformance.statements import STATEMENTS, Statement
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs" / "conformance.md"
 TESTS = ROOT / "tests"
 TITLES = {
@@ -124,9 +123,10 @@ def _citation_row(place: Place) -> str:
 
 _HEAD = """# Conformance: the paper and the code
 
-Made by `python -m sonar_explore.studies.conformance` from the list in `sonar_explore/studies/statements.py` and the
-docstrings: edit those. A test fails where this page is not what the command makes, where a name on it does not exist,
-where code does not cite the section that it stands for, and where a test is missing.
+Made by `python -m sonar_explore.studies.conformance` from the list in
+`sonar_explore/studies/conformance/statements.py` and the docstrings: edit those. A test fails where this page is not
+what the command makes, where a name on it does not exist, where code does not cite the section that it stands for, and
+where a test is missing.
 
 The statements are the paper's in our words, with its numbers. What each piece of code says is the first sentence of its
 docstring. Figures 5 to 12 are redrawn from an episode of ours; 14 to 20 are the runs in
@@ -141,17 +141,3 @@ _CITATIONS = """## Where the code cites the paper
 
 | file | at | cites |
 |---|---|---|"""
-
-
-def main() -> int:
-    """Write the page, or say what keeps it from being made."""
-    found = problems()
-    for problem in found:
-        print(problem, file=sys.stderr)
-    if not found:
-        PAGE.write_text(conformance_page(), encoding="utf-8")
-    return bool(found)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

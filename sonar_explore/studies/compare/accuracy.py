@@ -16,8 +16,8 @@ from sonar_explore.geometry import Array, Pose, wrap_angle
 from sonar_explore.mapping.occupancy import OccupancyMapper, look_of
 from sonar_explore.slam import Feature, ScanUpdate, Slam, make_slam
 from sonar_explore.slam.dual import surviving
-from sonar_explore.studies.drives import Drive
-from sonar_explore.studies.oracle import OracleResult
+from sonar_explore.studies.compare.drives import Drive
+from sonar_explore.studies.compare.oracle import OracleResult
 
 AGAIN_M, AFTER_M = 0.5, 8.0
 """Two scans this near to one another, with this much way between them, visit one place twice, [m]."""

@@ -15,10 +15,10 @@ from sonar_explore.episodes.run import run_episode
 from sonar_explore.episodes.scoring import Scorer
 from sonar_explore.geometry import Pose
 from sonar_explore.studies.document import plans_section, with_text
-from sonar_explore.studies.plans import PlanChoices, run_plans
-from sonar_explore.studies.plans_results import load_plans_study, parts_left
-from sonar_explore.studies.plans_tour import COVER, shortest_order, tour_of
-from sonar_explore.studies.plans_worlds import cluttered, cropped, plan_files, reachable_m2, toml_of
+from sonar_explore.studies.plans.buildings import cluttered, cropped, plan_files, reachable_m2, toml_of
+from sonar_explore.studies.plans.results import load_plans_study, parts_left
+from sonar_explore.studies.plans.study import PlanChoices, run_plans
+from sonar_explore.studies.plans.tour import COVER, shortest_order, tour_of
 
 RADIUS_M = 0.18
 

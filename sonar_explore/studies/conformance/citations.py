@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-PACKAGE = Path(__file__).parents[1]
+PACKAGE = Path(__file__).parents[2]
 NO_PAPER = {"studies", "reports"}  # they speak about the paper, and carry out none of it
 
 _SECTION = re.compile(r"\bIII\.[A-G]\b")

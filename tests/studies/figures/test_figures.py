@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sonar_explore.slam.link_graph import ANGLE_MARGIN_RAD
-from sonar_explore.studies.figures import FIGURES, write_figures
-from sonar_explore.studies.moments import Moment, moments
+from sonar_explore.studies.figures.moments import Moment, moments
+from sonar_explore.studies.figures.page import FIGURES, write_figures
 
 
 @pytest.fixture(scope="module")

@@ -2,23 +2,23 @@
 
 import pytest
 
-from sonar_explore.studies import conformance
-from sonar_explore.studies.citations import places
-from sonar_explore.studies.statements import STATEMENTS, Statement
+from sonar_explore.studies.conformance import page
+from sonar_explore.studies.conformance.citations import places
+from sonar_explore.studies.conformance.statements import STATEMENTS, Statement
 
 
 def test_no_name_is_missing_and_every_section_is_cited_and_tested():
-    assert conformance.problems() == []
+    assert page.problems() == []
 
 
 def test_the_page_is_what_the_command_makes():
-    assert conformance.PAGE.read_text(encoding="utf-8") == conformance.conformance_page()
+    assert page.PAGE.read_text(encoding="utf-8") == page.conformance_page()
 
 
 def test_every_figure_that_the_page_shows_is_there():
     figures = {int(s.figure) for s in STATEMENTS if s.figure.isdigit() and int(s.figure) <= 12}
     assert figures == {5, 6, 7, 8, 9, 10, 11, 12}
-    assert all((conformance.ROOT / f"docs/figures/figure-{n:02d}.svg").exists() for n in figures)
+    assert all((page.ROOT / f"docs/figures/figure-{n:02d}.svg").exists() for n in figures)
 
 
 @pytest.mark.parametrize(
@@ -31,14 +31,14 @@ def test_every_figure_that_the_page_shows_is_there():
     ],
 )
 def test_a_false_statement_is_found(statement, problem, monkeypatch):
-    monkeypatch.setattr(conformance, "STATEMENTS", (*STATEMENTS, statement))
-    assert any(problem in found for found in conformance.problems())
+    monkeypatch.setattr(page, "STATEMENTS", (*STATEMENTS, statement))
+    assert any(problem in found for found in page.problems())
 
 
 def test_a_missing_equation_is_found(monkeypatch):
     fewer = tuple(s for s in STATEMENTS if "quation (5)" not in s.says)
-    monkeypatch.setattr(conformance, "STATEMENTS", fewer)
-    assert "no statement of equation (5)" in conformance.problems()
+    monkeypatch.setattr(page, "STATEMENTS", fewer)
+    assert "no statement of equation (5)" in page.problems()
 
 
 def test_constants_fields_and_methods_are_places_too():

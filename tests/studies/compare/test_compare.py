@@ -10,11 +10,12 @@ import pytest
 from sonar_explore.cli import main
 from sonar_explore.episodes.record import Stats
 from sonar_explore.reports.compare import STYLES
-from sonar_explore.studies import compare
-from sonar_explore.studies.accuracy import Accuracy
-from sonar_explore.studies.compare import ARMS, DriveOutcome, drive_jobs, finished_drive
-from sonar_explore.studies.compare_results import Comparison, accuracy_table, comparison_of, goal_lines
-from sonar_explore.studies.compare_study import run_comparison
+from sonar_explore.studies.compare import jobs
+from sonar_explore.studies.compare.accuracy import Accuracy
+from sonar_explore.studies.compare.jobs import ARMS, DriveOutcome, drive_jobs, finished_drive
+from sonar_explore.studies.compare.results import Comparison, comparison_of
+from sonar_explore.studies.compare.study import run_comparison
+from sonar_explore.studies.compare.tables import accuracy_table, goal_lines
 from sonar_explore.studies.study import Choices
 
 
@@ -49,7 +50,7 @@ def test_the_results_come_back_from_their_file(finished):
 
 def test_what_is_finished_is_not_run_again_and_other_configurations_are_noticed(finished, monkeypatch):
     folder, found = finished
-    monkeypatch.setattr(compare, "compared", lambda *_: pytest.fail("it is run again"))
+    monkeypatch.setattr(jobs, "compared", lambda *_: pytest.fail("it is run again"))
     assert run_comparison(choices(folder), closed_loop_seeds=1) == found
     job = drive_jobs(("paper/corridor",), ("paper",), 1, choices(folder, max_scans=5).base)[0]
     outcome, current = finished_drive(job, folder)
@@ -60,7 +61,7 @@ def test_a_drive_that_raises_is_said_and_ends_nothing(tmp_path, monkeypatch):
     def fails(*_):
         raise ValueError("no such\nthing")
 
-    monkeypatch.setattr(compare, "compared", fails)
+    monkeypatch.setattr(jobs, "compared", fails)
     found = run_comparison(choices(tmp_path))
     assert not found.rows and len(found.errors) == 1 and "no such thing" in found.errors[0]
     assert "no such thing" in (tmp_path / "table.md").read_text()

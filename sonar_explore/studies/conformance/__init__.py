@@ -1,0 +1,1 @@
+"""docs/conformance.md: the paper sentence by sentence beside the code that carries it out."""

@@ -1,0 +1,1 @@
+"""`explore-plans`: whether exploration finishes buildings that nobody tuned for."""

@@ -1,0 +1,1 @@
+"""`real-sonar`: extraction and SLAM on recorded scans of a known arena."""
