@@ -29,7 +29,9 @@ def make_agent(name: str) -> ExplorationPolicy:
     else:
         raise unknown_name("agent", name, [*points, "module:Name"])
     if not callable(getattr(made, "choose", None)):
-        raise SonarExploreError(f"agent {name!r} has no method choose(situation); see sonar_explore.agents.base")
+        raise SonarExploreError(
+            f"agent {name!r} has no method choose(situation); see sonar_explore.agents.base"
+        )
     policy: ExplorationPolicy = made
     return policy
 

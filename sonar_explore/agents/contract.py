@@ -1,5 +1,7 @@
 """What every exploration policy promises, as one function for the tests of its author.
 
+A whole test of a policy of yours:
+
     from sonar_explore.agents.contract import check_policy
 
     def test_my_policy_keeps_the_contract():

@@ -16,7 +16,8 @@ from skimage.segmentation import watershed
 
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.envs.room import LEAST_BLOCK_M2, Mask, Room, loops, room_for
-from sonar_explore.envs.world import World, nearest_free_place
+from sonar_explore.envs.validation import nearest_free_place
+from sonar_explore.envs.world import World
 from sonar_explore.geometry import Array
 
 DOOR_MAX_M = 1.10

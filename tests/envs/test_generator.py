@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -10,7 +9,8 @@ import shapely
 
 from sonar_explore.envs.generator import KINDS, generate, layouts
 from sonar_explore.envs.room import loops, room_for
-from sonar_explore.envs.world import World, draw_world, is_generator, load_world, validate
+from sonar_explore.envs.validation import validate
+from sonar_explore.envs.world import World, draw_world, is_generator, load_world
 from sonar_explore.errors import SonarExploreError
 
 SEEDS = range(25)

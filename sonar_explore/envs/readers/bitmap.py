@@ -17,7 +17,8 @@ from skimage.measure import find_contours
 
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.envs.room import GENEROUS_CLEARANCE_M, loops
-from sonar_explore.envs.world import MAX_CYLINDERS, MAX_WALLS, World, validate
+from sonar_explore.envs.validation import MAX_CYLINDERS, MAX_WALLS, validate
+from sonar_explore.envs.world import World
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, Pose
 

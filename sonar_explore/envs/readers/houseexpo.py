@@ -13,7 +13,8 @@ import numpy as np
 import shapely
 
 from sonar_explore.envs.readers.lines import world_of_lines
-from sonar_explore.envs.world import MAX_COORDINATE_M, ReadOptions, World, read_bytes
+from sonar_explore.envs.validation import MAX_COORDINATE_M
+from sonar_explore.envs.world import ReadOptions, World, read_bytes
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.envs.room import loops, room_for, roomiest_place
-from sonar_explore.envs.world import World, validate, validate_walls
+from sonar_explore.envs.validation import validate, validate_walls
+from sonar_explore.envs.world import World
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, Pose
 

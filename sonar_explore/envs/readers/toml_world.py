@@ -10,7 +10,8 @@ import msgspec
 import numpy as np
 import shapely
 
-from sonar_explore.envs.world import ReadOptions, World, read_bytes, validate
+from sonar_explore.envs.validation import validate
+from sonar_explore.envs.world import ReadOptions, World, read_bytes
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, Pose
 

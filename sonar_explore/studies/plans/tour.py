@@ -19,7 +19,8 @@ from scipy import ndimage
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.envs.world import World, load_world
 from sonar_explore.episodes.files import write_atomically
-from sonar_explore.episodes.scoring import Scorer, clearance_on
+from sonar_explore.episodes.lattice import clearance_on
+from sonar_explore.episodes.scoring import Scorer
 from sonar_explore.geometry import Array
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask
 from sonar_explore.mapping.occupancy import OccupancyGrid
