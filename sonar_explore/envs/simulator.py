@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -104,15 +105,16 @@ class Simulator:
         discs = [robot.scan_sonar]
         if self.config.scan_all_discs:
             discs += [disc for disc in range(len(robot.sonars)) if disc != robot.scan_sonar]
+        headings = step * np.arange(count)
         heard = [
             Scan(
                 pose_robot_in_odometry=began,
-                headings_rad=step * np.arange(count),
-                ranges_m=self._measure(self.true_pose, true_headings[:-1], disc),
+                headings_rad=headings,
+                ranges_m=ranges,
                 pose_sonar_in_robot=robot.sonars[disc],
                 range_max_m=robot.range_max_m,
             )
-            for disc in discs
+            for disc, ranges in zip(discs, self._measure(self.true_pose, true_headings[:-1], discs), strict=True)
         ]
         self.true_pose = replace(self.true_pose, heading=float(true_headings[-1]))
         counted = running_sum(began.heading, np.full(count, step))
@@ -145,13 +147,17 @@ class Simulator:
             ring=plan.mounts,
         )
 
-    def _measure(self, true_pose: Pose, true_headings: Array, disc: int) -> Array:
-        """Fire one disc at each of these headings."""
-        mount = self.config.robot.sonars[disc]
-        discs = np.empty((len(true_headings), 3))
-        turned_discs(true_pose.x, true_pose.y, true_headings, mount.x, mount.y, mount.heading, discs)
-        ranges, _ = echoes(self._scene, discs, self.config.sonar)
-        return measured(ranges, self._range_scale, self.config.sonar, self._rng)
+    def _measure(self, true_pose: Pose, true_headings: Array, discs: Sequence[int]) -> list[Array]:
+        """Fire each of these discs at each of these headings; all together, for they share what they could hear."""
+        n = len(true_headings)
+        fired = np.empty((len(discs) * n, 3))
+        for k, disc in enumerate(discs):
+            turned_discs(true_pose.x, true_pose.y, true_headings, *self._mounts[disc], fired[k * n : (k + 1) * n])
+        ranges, _ = echoes(self._scene, fired, self.config.sonar)
+        return [
+            measured(heard, self._range_scale, self.config.sonar, self._rng)
+            for heard in ranges.reshape(len(discs), n)
+        ]
 
     def _measure_ring(self, true_pose: Pose, true_headings: Array, mounts: Array) -> Array:
         """Fire discs mounted like this at these headings, one each."""
