@@ -41,8 +41,18 @@ class Scan:
         """Where the disc of each reading sits on the body, x y [m], heading [rad], shape (n, 3)."""
         if self.ring is not None:
             return self.ring
-        disc = self.pose_sonar_in_robot
-        return np.tile([disc.x, disc.y, disc.heading], (len(self.headings_rad), 1))
+        disc, discs = self.pose_sonar_in_robot, np.empty((len(self.headings_rad), 3))
+        discs[:] = disc.x, disc.y, disc.heading
+        return discs
+
+    @cached_property
+    def levers(self) -> tuple[Array, Array]:
+        """Of each reading: distance of its disc from the robot's centre [m], and its direction from there relative to
+        the beam [rad]; shape (n,) each."""
+        n, ring = len(self.headings_rad), self.ring is not None
+        x, y, heading = (self.discs if ring else self.discs[:1]).T
+        length, direction = np.hypot(x, y), np.arctan2(y, x) - heading
+        return (length, direction) if ring else (np.full(n, length[0]), np.full(n, direction[0]))
 
     @cached_property
     def bearings_rad(self) -> Array:
@@ -52,7 +62,7 @@ class Scan:
     @cached_property
     def step_rad(self) -> float:
         """Usual angle between the beams of two readings, [rad]."""
-        return float(np.median(np.abs(np.diff(self.bearings_rad))))
+        return _median(np.abs(self.bearings_rad[1:] - self.bearings_rad[:-1]))
 
     @cached_property
     def origins(self) -> Array:
@@ -60,3 +70,9 @@ class Scan:
         c, s = np.cos(self.headings_rad), np.sin(self.headings_rad)
         x, y, _ = self.discs.T
         return np.column_stack([c * x - s * y, s * x + c * y])
+
+
+def _median(values: Array) -> float:
+    """`np.median` of a few numbers, without its overhead."""
+    rising, n = np.sort(values).tolist(), len(values)
+    return rising[n // 2] if n % 2 else 0.5 * (rising[n // 2 - 1] + rising[n // 2])

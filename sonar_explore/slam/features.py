@@ -156,8 +156,8 @@ def _is_plateau(region: Rcd, wide: Iterable[Rcd], scan: Scan, config: FeatureCon
     """
     if region.width_rad > config.run_max_beams * config.beam_rad + ANGLE_SLACK_RAD:
         return False
-    beside = set(neighbours(region.readings, len(scan.ranges_m)))
-    touching = [other for other in wide if other is not region and beside.intersection(other.readings)]
+    before, after = neighbours(region.readings, len(scan.ranges_m))
+    touching = (other for other in wide if other.readings[-1] == before or other.readings[0] == after)
     return not any(0.0 < region.depth_m - other.depth_m < config.jump_m for other in touching)
 
 

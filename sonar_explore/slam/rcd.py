@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.errors import SonarExploreError
@@ -52,24 +51,6 @@ class Rcd:
         return self.last_rad - self.first_rad
 
 
-@dataclass(frozen=True, eq=False)
-class _Sweep:
-    """A scan's readings put counter-clockwise, written twice over so that no run ends at the seam."""
-
-    order: NDArray[np.intp]
-    """Index into the scan's readings, shape (2 n,)."""
-    bearings: Array
-    """Direction of the beam in the robot frame, rising, shape (2 n,), [rad]."""
-    ranges: Array
-    """From the disc, shape (2 n,), [m]."""
-    joined: NDArray[np.bool_]
-    """Whether each reading and the next both heard something, one step apart, shape (2 n - 1,)."""
-    lever_m: Array
-    """Distance of each reading's disc from the robot's centre, shape (2 n,), [m]."""
-    lever_rad: Array
-    """Direction of that lever, relative to the beam, shape (2 n,), [rad]."""
-
-
 def check_scan(scan: Scan) -> None:
     """Raise a one-line error where a scan cannot be one."""
     headings, ranges = np.asarray(scan.headings_rad), np.asarray(scan.ranges_m)
@@ -78,12 +59,11 @@ def check_scan(scan: Scan) -> None:
             f"a scan needs headings and ranges of one shape (n,), n >= 3; "
             f"got {headings.shape} and {ranges.shape}"
         )
-    if not np.isfinite(ranges).all() or (ranges < 0.0).any():
+    if not _all_ranges(np.asarray(ranges, dtype=float)):
         raise SonarExploreError(
             "a scan's ranges must be finite and not negative; report range_max_m for no echo"
         )
-    steps = np.diff(scan.bearings_rad)
-    if not np.isfinite(headings).all() or not ((steps > 0.0).all() or (steps < 0.0).all()):
+    if not _one_way_round(np.asarray(headings, dtype=float), scan.bearings_rad):
         raise SonarExploreError("a scan's headings must be finite and run one way round")
     odometry = scan.pose_robot_in_odometry
     if not all(map(math.isfinite, (odometry.x, odometry.y, odometry.heading))):
@@ -108,42 +88,76 @@ def regions_of_constant_depth(scan: Scan, tolerance_m: float) -> tuple[Rcd, ...]
     and longest-first does not care where the scan began or which way it turned.
     """
     check_scan(scan)
-    sweep = _sweep(scan)
-    n = len(sweep.order) // 2
-    runs, depths = np.empty((n, 2), dtype=np.int64), np.empty((n, 2))
-    count = _runs_longest_first(
-        sweep.bearings,
-        sweep.ranges,
-        sweep.lever_m,
-        sweep.lever_rad,
-        sweep.joined,
+    n = len(scan.headings_rad)
+    rows, readings = np.empty((n, 4)), np.empty((n, 2), dtype=np.int64)
+    count = _regions(
+        scan.bearings_rad,
+        np.asarray(scan.ranges_m, dtype=float),
+        *scan.levers,
+        scan.range_max_m,
         tolerance_m,
         10.0**TIE_DECIMALS,
-        runs,
-        depths,
+        rows,
+        readings,
     )
-    regions = _regions(sweep, runs[:count].tolist(), depths[:count].tolist())
+    clockwise = bool(scan.bearings_rad[-1] < scan.bearings_rad[0])
+    order = list(range(n - 1, -1, -1) if clockwise else range(n)) * 2
+    regions = [
+        Rcd(tuple(order[start : start + length]), *row)
+        for row, (start, length) in zip(rows[:count].tolist(), readings[:count].tolist(), strict=True)
+    ]
     return tuple(sorted(regions, key=lambda region: math.remainder(region.bearing_rad, math.tau)))
 
 
-def _sweep(scan: Scan) -> _Sweep:
-    order = np.arange(len(scan.headings_rad))
-    if scan.bearings_rad[-1] < scan.bearings_rad[0]:
-        order = order[::-1]
-    once = scan.bearings_rad[order]
-    x, y, heading = np.tile(scan.discs[order].T, 2)
-    bearings = np.concatenate([once, once + math.tau])
-    ranges = np.tile(np.asarray(scan.ranges_m, dtype=float)[order], 2)
-    steps, heard = np.diff(bearings), ranges < scan.range_max_m
-    close = (steps > 0.0) & (steps <= LARGEST_GAP_STEPS * np.median(steps))
-    return _Sweep(
-        order=np.tile(order, 2),
-        bearings=bearings,
-        ranges=ranges,
-        joined=close & heard[:-1] & heard[1:],
-        lever_m=np.hypot(x, y),
-        lever_rad=np.arctan2(y, x) - heading,
+@inner_kernel
+def _all_ranges(ranges):  # type: ignore[no-untyped-def]
+    """Whether all are finite and not negative."""
+    fine = True
+    for value in ranges:
+        fine = fine and 0.0 <= value < np.inf
+    return fine
+
+
+@inner_kernel
+def _one_way_round(headings, bearings):  # type: ignore[no-untyped-def]
+    """Whether all headings are finite, and the bearings rise or fall from reading to reading."""
+    rising = falling = np.isfinite(headings[0])
+    for i in range(1, len(headings)):
+        step = bearings[i] - bearings[i - 1]
+        rising = rising and step > 0.0 and np.isfinite(headings[i])
+        falling = falling and step < 0.0 and np.isfinite(headings[i])
+    return rising or falling
+
+
+@kernel
+def _regions(bearings, ranges, lever_m, lever_rad, range_max, tolerance, tie, rows, readings):  # type: ignore[no-untyped-def]
+    """First and last bearing, depth and echo of each region into `rows`, its start and length into `readings`.
+
+    The readings are put counter-clockwise, and written twice over so that no run ends at the seam; `joined` tells
+    whether each and the next both heard something, one step apart. How many regions.
+    """
+    n = len(ranges)
+    around = np.empty((4, 2 * n))
+    for i in range(2 * n):
+        k = i % n if bearings[0] < bearings[n - 1] else n - 1 - i % n
+        around[0, i] = bearings[k] if i < n else bearings[k] + 2.0 * math.pi
+        around[1, i], around[2, i], around[3, i] = ranges[k], lever_m[k], lever_rad[k]
+    steps = around[0, 1:] - around[0, :-1]
+    usual = np.median(steps)
+    joined = np.empty(2 * n - 1, dtype=np.bool_)
+    for i in range(2 * n - 1):
+        heard = around[1, i] < range_max and around[1, i + 1] < range_max
+        joined[i] = heard and 0.0 < steps[i] <= LARGEST_GAP_STEPS * usual
+    depths = np.empty((n, 2))
+    count = _runs_longest_first(
+        around[0], around[1], around[2], around[3], joined, tolerance, tie, readings, depths
     )
+    for k in range(count):
+        first, last = around[0, readings[k, 0]], around[0, readings[k, 0] + readings[k, 1] - 1]
+        turns = 2.0 * math.pi * np.rint(0.5 * (first + last) / (2.0 * math.pi))
+        rows[k, 0], rows[k, 1] = first - turns, last - turns
+        rows[k, 2], rows[k, 3] = depths[k]
+    return count
 
 
 @inner_kernel
@@ -253,14 +267,3 @@ def _runs_longest_first(bearings, ranges, lever_m, lever_rad, joined, tolerance,
             count += 1
         left = first
     return count
-
-
-def _regions(sweep: _Sweep, runs: list[list[int]], depths: list[list[float]]) -> list[Rcd]:
-    bearings, order = sweep.bearings.tolist(), sweep.order.tolist()
-    regions = []
-    for (start, length), (depth, echo) in zip(runs, depths, strict=True):
-        first, last = bearings[start], bearings[start + length - 1]
-        turns = math.tau * round(0.5 * (first + last) / math.tau)
-        readings = tuple(order[start : start + length])
-        regions.append(Rcd(readings, first - turns, last - turns, depth, echo))
-    return regions
