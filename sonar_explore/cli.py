@@ -1,4 +1,4 @@
-"""`sonar-explore`: run an episode, list worlds and agents, make a report again.
+"""`sonar-explore`: the commands together, what there is (worlds, agents), and one line for every failure.
 
 Only click is imported here; everything heavy waits until a command needs it.
 """
@@ -7,29 +7,20 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from sonar_explore.choices import SLAMS
+from sonar_explore.episodes.commands import EPISODE_COMMANDS
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.replay.commands import real_sonar, replay
 from sonar_explore.studies.commands import STUDY_COMMANDS
 
-if TYPE_CHECKING:
-    from sonar_explore.config import ExplorationConfig
-    from sonar_explore.episodes.record import EpisodeRecord, StepRecord
-    from sonar_explore.replay.log import Recorder
-
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130  # what shells report for Ctrl-C
 EXIT_BROKEN_PIPE = 141  # and for a reader that went away
-SEED_MAX = 2**32 - 1
-NOT_IN_A_NAME = "?&=:/\\"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -98,67 +89,6 @@ def commands(ctx: click.Context) -> None:
 
 
 @commands.command()
-@click.argument("world")
-@click.option("--agent", default="frontier", show_default=True, help="Policy: a known name, or module:Name.")
-@click.option(
-    "--slam", type=click.Choice(SLAMS), default="chain", show_default=True, help="What corrects the pose."
-)
-@click.option("--noise", default="paper", show_default=True, help="Odometry: paper, ideal or worn.")
-@click.option(
-    "--seed", type=click.IntRange(0, SEED_MAX), default=0, show_default=True, help="Of world and robot."
-)
-@click.option("--out", type=click.Path(path_type=Path), help="Folder for episode.json and report.html.")
-@click.option("--json", "as_json", is_flag=True, help="Print the summary as one JSON object, nothing else.")
-@click.option("--max-scans", type=click.IntRange(1), help="End after this many scans.")
-@click.option(
-    "--scan",
-    type=click.Choice(("turn", "ring")),
-    default="turn",
-    show_default=True,
-    help="A full turn with one sonar, or a short one with all.",
-)
-@click.option(
-    "--sensor",
-    type=click.Choice(("amigobot", "nxt")),
-    default="amigobot",
-    show_default=True,
-    help="The AmigoBot's sonar, or a cheap one.",
-)
-@click.option("--log", type=click.Path(path_type=Path), help="Keep what was measured, for `replay`.")
-def run(
-    world: str,
-    agent: str,
-    slam: str,
-    noise: str,
-    seed: int,
-    out: Path | None,
-    as_json: bool,
-    max_scans: int | None,
-    scan: str,
-    sensor: str,
-    log: Path | None,
-) -> None:
-    """Explore WORLD, a name or a world file, and report on it."""
-    from sonar_explore.episodes.files import save_record, writable_folder
-
-    folder = out or default_folder(world, agent, slam, noise, seed, scan)
-    with writable_folder(folder):
-        config = _config(max_scans, scan, sensor)
-        with _recorder(log, sensor) as recorder:
-            record = _explore(world, agent, slam, noise, seed, config, recorder, quiet=as_json)
-        save_record(record, folder / "episode.json")
-        report_file = folder / "report.html"
-        _report(record, report_file)
-    if as_json:
-        import msgspec
-
-        click.echo(msgspec.json.encode(record.summary).decode())
-    else:
-        _print_summary(record)
-        click.echo(f"report: {report_file}")
-
-
-@commands.command()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON array.")
 def worlds(as_json: bool) -> None:
     """List the worlds that are shipped, and the generators, which make one for every seed."""
@@ -217,125 +147,8 @@ def agents(as_json: bool) -> None:
     _print_list([{"name": name, "about": about} for name, about in sorted(known_agents().items())], as_json)
 
 
-@commands.command()
-@click.argument("episode", type=click.Path(path_type=Path))
-@click.option(
-    "--out", type=click.Path(path_type=Path), help="Page to write; default: report.html beside EPISODE."
-)
-def report(episode: Path, out: Path | None) -> None:
-    """Make the report of EPISODE, an episode.json, again."""
-    from sonar_explore.episodes.files import load_record
-
-    page = out or episode.with_name("report.html")
-    _report(load_record(episode), page)
-    click.echo(f"report: {page}")
-
-
-@commands.command()
-@click.argument("episode", type=click.Path(path_type=Path))
-@click.option(
-    "--tum", type=click.Path(path_type=Path), help="TUM trajectory to write: the believed poses of the scans."
-)
-@click.option("--truth", type=click.Path(path_type=Path), help="TUM trajectory to write: the true ones.")
-@click.option(
-    "--map", "map_name", type=click.Path(path_type=Path), help="ROS map to write: NAME.yaml and NAME.pgm."
-)
-def export(episode: Path, tum: Path | None, truth: Path | None, map_name: Path | None) -> None:
-    """Write EPISODE, an episode.json, in formats of others: TUM trajectories, a ROS map."""
-    from sonar_explore.episodes.export import write_ros_map, write_trajectory
-    from sonar_explore.episodes.files import load_record
-    from sonar_explore.reports.raster import grid_states
-
-    if tum is None and truth is None and map_name is None:
-        raise SonarExploreError("say what to export: --tum FILE, --truth FILE, --map NAME")
-    record = load_record(episode)
-    states = grid_states(record.grid)
-    for path, true in ((tum, False), (truth, True)):
-        if path is not None:
-            write_trajectory(record, path, true=true)
-            click.echo(f"trajectory: {path}")
-    if map_name is not None:
-        settings, image = write_ros_map(record, map_name, states)
-        click.echo(f"map: {settings}, {image}")
-
-
-for _command in (*STUDY_COMMANDS, replay, real_sonar):
+for _command in (*EPISODE_COMMANDS, *STUDY_COMMANDS, replay, real_sonar):
     commands.add_command(_command)
-
-
-def default_folder(world: str, agent: str, slam: str, noise: str, seed: int, scan: str = "turn") -> Path:
-    """`runs/<world>-<agent>-<slam>-<noise>[-ring]-<seed>`, one folder deep whatever the world is called."""
-    parts = (world, agent, slam, noise, *(() if scan == "turn" else (scan,)), str(seed))
-    name = "-".join(parts)
-    return Path("runs") / "".join("-" if c in NOT_IN_A_NAME else c for c in name.strip("/."))
-
-
-def _explore(
-    world: str,
-    agent: str,
-    slam: str,
-    noise: str,
-    seed: int,
-    config: ExplorationConfig | None,
-    recorder: Recorder | None,
-    *,
-    quiet: bool,
-) -> EpisodeRecord:
-    from sonar_explore.episodes.run import run_episode
-
-    extra: dict[str, Any] = {} if recorder is None else {"recorder": recorder}
-    with _progress(quiet) as on_step:
-        return run_episode(world, agent, slam, noise, seed, config=config, on_step=on_step, **extra)
-
-
-@contextmanager
-def _recorder(log: Path | None, sensor: str) -> Iterator[Recorder | None]:
-    """Notes down what is measured, and writes it once the run is over; None where nobody wants it."""
-    if log is None:
-        yield None
-        return
-    from sonar_explore.episodes.files import writable_folder
-    from sonar_explore.replay.files import write_log
-    from sonar_explore.replay.log import Recorder
-
-    recorder = Recorder(sensor)
-    with writable_folder(log.parent):
-        yield recorder
-        write_log(recorder.log, log)
-
-
-def _config(max_scans: int | None, scan: str, sensor: str) -> ExplorationConfig | None:
-    """The runner's configuration, None for its defaults."""
-    if (max_scans, scan, sensor) == (None, "turn", "amigobot"):
-        return None
-    from sonar_explore.config import ExplorationConfig
-
-    config = ExplorationConfig(scan=scan)
-    config = config if sensor == "amigobot" else config.with_sensor(sensor)
-    return config if max_scans is None else replace(config, max_scans=max_scans)
-
-
-def _report(record: EpisodeRecord, page: Path) -> None:
-    from sonar_explore.reports.episode import write_episode_report
-
-    write_episode_report(record, page)
-
-
-def _progress(quiet: bool) -> AbstractContextManager[Callable[[StepRecord], None]]:
-    """A live line on stderr, or nothing where nobody reads it."""
-    from contextlib import nullcontext
-
-    if quiet or not sys.stderr.isatty():
-        return nullcontext(lambda _: None)
-    from sonar_explore.reports.progress import live_line
-
-    return live_line()
-
-
-def _print_summary(record: EpisodeRecord) -> None:
-    from sonar_explore.reports.progress import summary_table
-
-    _print_table(summary_table(record.summary))
 
 
 def _print_list(rows: list[dict[str, Any]], as_json: bool) -> None:
@@ -344,15 +157,9 @@ def _print_list(rows: list[dict[str, Any]], as_json: bool) -> None:
 
         click.echo(json.dumps(rows))
         return
-    from sonar_explore.reports.progress import list_table
+    from sonar_explore.reports.progress import list_table, print_table
 
-    _print_table(list_table([{k: "" if v is None else v for k, v in row.items()} for row in rows]))
-
-
-def _print_table(table: Any) -> None:
-    from rich.console import Console
-
-    Console(highlight=False, markup=False).print(table)
+    print_table(list_table([{k: "" if v is None else v for k, v in row.items()} for row in rows]))
 
 
 if __name__ == "__main__":

@@ -12,6 +12,8 @@ from typing import Any
 import pytest
 
 from sonar_explore import cli
+from sonar_explore.choices import SLAMS as CHOICES
+from sonar_explore.episodes.commands import default_folder
 from sonar_explore.episodes.record import EpisodeRecord, StepRecord
 from sonar_explore.errors import SonarExploreError, unknown_name
 
@@ -179,7 +181,7 @@ def test_max_scans_reaches_the_runner(capsys: Capture, folder: Path, runner: Sim
 
 
 def test_a_world_file_names_a_folder_of_one_level(folder: Path) -> None:
-    assert str(cli.default_folder("/data/my world.toml", "my.mod:Policy", "off", "paper", 0)) == (
+    assert str(default_folder("/data/my world.toml", "my.mod:Policy", "off", "paper", 0)) == (
         "runs/data-my world.toml-my.mod-Policy-off-paper-0"
     )
 
@@ -194,13 +196,13 @@ def test_a_world_file_names_a_folder_of_one_level(folder: Path) -> None:
     ],
 )
 def test_what_a_shell_or_a_path_would_read_is_not_in_a_folder_name(world: str, named: str) -> None:
-    assert str(cli.default_folder(world, "nearest", "off", "paper", 0)) == f"runs/{named}-nearest-off-paper-0"
+    assert str(default_folder(world, "nearest", "off", "paper", 0)) == f"runs/{named}-nearest-off-paper-0"
 
 
 def test_slam_offers_all_there_are(capsys: Capture, folder: Path, runner: SimpleNamespace) -> None:
     from sonar_explore.slam import SLAMS
 
-    assert sorted(cli.SLAMS) == sorted(SLAMS)
+    assert sorted(CHOICES) == sorted(SLAMS)
     for slam in SLAMS:
         assert cli.main(["run", "loop", "--json", "--slam", slam]) == 0
     capsys.readouterr()

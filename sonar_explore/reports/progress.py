@@ -70,6 +70,11 @@ def list_table(rows: list[dict[str, Any]]) -> Table:
     return table
 
 
+def print_table(table: Table) -> None:
+    """To stdout, as it is: no colours for numbers, no markup in names."""
+    Console(highlight=False, markup=False).print(table)
+
+
 def _cell(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"

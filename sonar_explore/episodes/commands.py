@@ -1,0 +1,204 @@
+"""The commands of an episode: run, report, export. Only click is imported here, as in `cli`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from sonar_explore.choices import SLAMS
+from sonar_explore.errors import SonarExploreError
+
+if TYPE_CHECKING:
+    from sonar_explore.config import ExplorationConfig
+    from sonar_explore.episodes.record import EpisodeRecord, StepRecord
+    from sonar_explore.replay.log import Recorder
+
+SEED_MAX = 2**32 - 1
+NOT_IN_A_NAME = "?&=:/\\"
+
+
+@click.command()
+@click.argument("world")
+@click.option("--agent", default="frontier", show_default=True, help="Policy: a known name, or module:Name.")
+@click.option(
+    "--slam", type=click.Choice(SLAMS), default="chain", show_default=True, help="What corrects the pose."
+)
+@click.option("--noise", default="paper", show_default=True, help="Odometry: paper, ideal or worn.")
+@click.option(
+    "--seed", type=click.IntRange(0, SEED_MAX), default=0, show_default=True, help="Of world and robot."
+)
+@click.option("--out", type=click.Path(path_type=Path), help="Folder for episode.json and report.html.")
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as one JSON object, nothing else.")
+@click.option("--max-scans", type=click.IntRange(1), help="End after this many scans.")
+@click.option(
+    "--scan",
+    type=click.Choice(("turn", "ring")),
+    default="turn",
+    show_default=True,
+    help="A full turn with one sonar, or a short one with all.",
+)
+@click.option(
+    "--sensor",
+    type=click.Choice(("amigobot", "nxt")),
+    default="amigobot",
+    show_default=True,
+    help="The AmigoBot's sonar, or a cheap one.",
+)
+@click.option("--log", type=click.Path(path_type=Path), help="Keep what was measured, for `replay`.")
+def run(
+    world: str,
+    agent: str,
+    slam: str,
+    noise: str,
+    seed: int,
+    out: Path | None,
+    as_json: bool,
+    max_scans: int | None,
+    scan: str,
+    sensor: str,
+    log: Path | None,
+) -> None:
+    """Explore WORLD, a name or a world file, and report on it."""
+    from sonar_explore.episodes.files import save_record, writable_folder
+
+    folder = out or default_folder(world, agent, slam, noise, seed, scan)
+    with writable_folder(folder):
+        config = _config(max_scans, scan, sensor)
+        with _recorder(log, sensor) as recorder:
+            record = _explore(world, agent, slam, noise, seed, config, recorder, quiet=as_json)
+        save_record(record, folder / "episode.json")
+        report_file = folder / "report.html"
+        _report(record, report_file)
+    if as_json:
+        import msgspec
+
+        click.echo(msgspec.json.encode(record.summary).decode())
+    else:
+        _print_summary(record)
+        click.echo(f"report: {report_file}")
+
+
+@click.command()
+@click.argument("episode", type=click.Path(path_type=Path))
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="Page to write; default: report.html beside EPISODE."
+)
+def report(episode: Path, out: Path | None) -> None:
+    """Make the report of EPISODE, an episode.json, again."""
+    from sonar_explore.episodes.files import load_record
+
+    page = out or episode.with_name("report.html")
+    _report(load_record(episode), page)
+    click.echo(f"report: {page}")
+
+
+@click.command()
+@click.argument("episode", type=click.Path(path_type=Path))
+@click.option(
+    "--tum", type=click.Path(path_type=Path), help="TUM trajectory to write: the believed poses of the scans."
+)
+@click.option("--truth", type=click.Path(path_type=Path), help="TUM trajectory to write: the true ones.")
+@click.option(
+    "--map", "map_name", type=click.Path(path_type=Path), help="ROS map to write: NAME.yaml and NAME.pgm."
+)
+def export(episode: Path, tum: Path | None, truth: Path | None, map_name: Path | None) -> None:
+    """Write EPISODE, an episode.json, in formats of others: TUM trajectories, a ROS map."""
+    from sonar_explore.episodes.export import write_ros_map, write_trajectory
+    from sonar_explore.episodes.files import load_record
+    from sonar_explore.reports.raster import grid_states
+
+    if tum is None and truth is None and map_name is None:
+        raise SonarExploreError("say what to export: --tum FILE, --truth FILE, --map NAME")
+    record = load_record(episode)
+    states = grid_states(record.grid)
+    for path, true in ((tum, False), (truth, True)):
+        if path is not None:
+            write_trajectory(record, path, true=true)
+            click.echo(f"trajectory: {path}")
+    if map_name is not None:
+        settings, image = write_ros_map(record, map_name, states)
+        click.echo(f"map: {settings}, {image}")
+
+
+def default_folder(world: str, agent: str, slam: str, noise: str, seed: int, scan: str = "turn") -> Path:
+    """`runs/<world>-<agent>-<slam>-<noise>[-ring]-<seed>`, one folder deep whatever the world is called."""
+    parts = (world, agent, slam, noise, *(() if scan == "turn" else (scan,)), str(seed))
+    name = "-".join(parts)
+    return Path("runs") / "".join("-" if c in NOT_IN_A_NAME else c for c in name.strip("/."))
+
+
+def _explore(
+    world: str,
+    agent: str,
+    slam: str,
+    noise: str,
+    seed: int,
+    config: ExplorationConfig | None,
+    recorder: Recorder | None,
+    *,
+    quiet: bool,
+) -> EpisodeRecord:
+    from sonar_explore.episodes.run import run_episode
+
+    extra: dict[str, Any] = {} if recorder is None else {"recorder": recorder}
+    with _progress(quiet) as on_step:
+        return run_episode(world, agent, slam, noise, seed, config=config, on_step=on_step, **extra)
+
+
+@contextmanager
+def _recorder(log: Path | None, sensor: str) -> Iterator[Recorder | None]:
+    """Notes down what is measured, and writes it once the run is over; None where nobody wants it."""
+    if log is None:
+        yield None
+        return
+    from sonar_explore.episodes.files import writable_folder
+    from sonar_explore.replay.files import write_log
+    from sonar_explore.replay.log import Recorder
+
+    recorder = Recorder(sensor)
+    with writable_folder(log.parent):
+        yield recorder
+        write_log(recorder.log, log)
+
+
+def _config(max_scans: int | None, scan: str, sensor: str) -> ExplorationConfig | None:
+    """The runner's configuration, None for its defaults."""
+    if (max_scans, scan, sensor) == (None, "turn", "amigobot"):
+        return None
+    from sonar_explore.config import ExplorationConfig
+
+    config = ExplorationConfig(scan=scan)
+    config = config if sensor == "amigobot" else config.with_sensor(sensor)
+    return config if max_scans is None else replace(config, max_scans=max_scans)
+
+
+def _report(record: EpisodeRecord, page: Path) -> None:
+    from sonar_explore.reports.episode import write_episode_report
+
+    write_episode_report(record, page)
+
+
+def _progress(quiet: bool) -> AbstractContextManager[Callable[[StepRecord], None]]:
+    """A live line on stderr, or nothing where nobody reads it."""
+    from contextlib import nullcontext
+
+    if quiet or not sys.stderr.isatty():
+        return nullcontext(lambda _: None)
+    from sonar_explore.reports.progress import live_line
+
+    return live_line()
+
+
+def _print_summary(record: EpisodeRecord) -> None:
+    from sonar_explore.reports.progress import print_table, summary_table
+
+    print_table(summary_table(record.summary))
+
+
+EPISODE_COMMANDS = (run, report, export)
