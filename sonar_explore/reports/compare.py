@@ -10,7 +10,8 @@ from markupsafe import Markup, escape
 
 from sonar_explore.envs.world import World, load_world
 from sonar_explore.reports.frame import Frame, frame_around, scale_bar
-from sonar_explore.reports.study import _common, write_page
+from sonar_explore.reports.page import write_page
+from sonar_explore.reports.study import study_values
 from sonar_explore.reports.study_charts import Interval, Lane, Mark, strip
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ def write_comparison(found: Comparison, outcomes: Sequence[DriveOutcome], folder
                 "closed": closed_loop_table(found, noise) if found.closed_loop.get(noise) else None,
             }
         )
-    write_page(folder / "index.html", "compare.html", parts=parts, styles=STYLES, **_common(found))
+    write_page(folder / "index.html", "compare.html", parts=parts, styles=STYLES, **study_values(found))
 
 
 def _world(found: Comparison, noise: str, name: str, drives: Sequence[DriveOutcome]) -> dict[str, Any]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 import math
 from pathlib import Path
 from typing import Any
 
 import msgspec
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from sonar_explore.episodes.files import write_atomically
@@ -16,6 +17,7 @@ from sonar_explore.errors import SonarExploreError
 from sonar_explore.reports import scene
 from sonar_explore.reports.charts import episode_charts
 from sonar_explore.reports.frame import frame_of, scale_bar
+from sonar_explore.reports.page import templates, verbatim, write_page
 from sonar_explore.reports.raster import grid_png
 
 
@@ -24,13 +26,21 @@ def write_episode_report(record: EpisodeRecord, path: Path) -> None:
     write_atomically(path, episode_page(record).encode())
 
 
+def write_packed_report(record: EpisodeRecord, path: Path) -> None:
+    """The episode's page, packed into a page that unpacks itself: a quarter of its size."""
+    packed = base64.b64encode(gzip.compress(episode_page(record).encode(), 9, mtime=0)).decode()
+    s = record.summary
+    title = f"{s.world}, {s.slam}, seed {s.seed}"
+    write_page(path, "packed.html", title=title, packed=packed)
+
+
 def episode_page(record: EpisodeRecord) -> str:
     """The page; the same record gives the same text."""
     if not record.steps:
         raise SonarExploreError("an episode without a scan has nothing to report")
-    templates = _templates()
     frame = frame_of(record)
-    return templates.get_template("episode.html").render(
+    template = templates().get_template("episode.html")
+    return template.render(
         record=record,
         summary=record.summary,
         tiles=tiles(record.summary),
@@ -46,8 +56,8 @@ def episode_page(record: EpisodeRecord) -> str:
         ],
         charts=episode_charts(record),
         degrees=math.degrees,
-        style=_verbatim(templates, "episode.css"),
-        script=_verbatim(templates, "episode.js"),
+        style=verbatim("episode.css"),
+        script=verbatim("episode.js"),
         data=_script_json({"scans": scene.scan_data(record, frame), "robot": frame.length(0.18)}),
         config=msgspec.json.format(msgspec.json.encode(record.config)).decode(),
     )
@@ -86,22 +96,6 @@ def tiles(summary: Summary) -> list[tuple[str, str, str]]:
 def _duration(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes}\u00a0min\u00a0{rest:02d}\u00a0s"
-
-
-def _templates() -> Environment:
-    return Environment(
-        loader=PackageLoader("sonar_explore.reports"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-
-
-def _verbatim(templates: Environment, name: str) -> Markup:
-    """One of our own files, as it is."""
-    assert templates.loader is not None
-    return Markup(templates.loader.get_source(templates, name)[0])
 
 
 def _script_json(data: Any) -> Markup:

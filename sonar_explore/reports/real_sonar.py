@@ -12,7 +12,8 @@ from sonar_explore.episodes.files import write_atomically
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Segment
 from sonar_explore.replay.play import Replay
-from sonar_explore.reports.replay import picture_url, write_sonar_page
+from sonar_explore.reports.page import write_page
+from sonar_explore.reports.replay import picture_url
 from sonar_explore.reports.sonar_pictures import ECHO, INK, SOFT, TRUE, draw_replay, draw_scan, png, sheet
 from sonar_explore.studies.real_sonar.fit import BeamFit
 from sonar_explore.studies.real_sonar.study import NOISES, SLAMS, PoseErrors, RealSonar, ScanSet
@@ -27,7 +28,7 @@ def write_real_sonar(found: RealSonar, folder: Path) -> None:
     for name, picture in shown.items():
         write_atomically(folder / f"{name}.png", picture)
     write_atomically(folder / "tables.md", (markdown(found) + "\n").encode())
-    write_sonar_page(
+    write_page(
         folder / "index.html",
         "real_sonar.html",
         found=found,

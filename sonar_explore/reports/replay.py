@@ -7,10 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from sonar_explore import __version__
-from sonar_explore.episodes.files import write_atomically
 from sonar_explore.replay.play import Replay, headline
-from sonar_explore.reports.episode import _templates, _verbatim
+from sonar_explore.reports.page import write_page
 from sonar_explore.reports.sonar_pictures import draw_replay, draw_scan, png, sheet
 
 MOST_SCANS = 40
@@ -19,15 +17,7 @@ MOST_SCANS = 40
 
 def write_replay_page(done: Sequence[Replay], path: Path) -> None:
     """One section a log."""
-    write_sonar_page(path, "replay.html", logs=[_section(one) for one in done])
-
-
-def write_sonar_page(path: Path, template: str, **values: Any) -> None:
-    """A page of recorded sonar, in the look of the studies."""
-    templates = _templates()
-    styles = {"style": _verbatim(templates, "episode.css"), "study_style": _verbatim(templates, "study.css")}
-    page = templates.get_template(template).render(version=__version__, **styles, **values)
-    write_atomically(path, page.encode())
+    write_page(path, "replay.html", logs=[_section(one) for one in done])
 
 
 def picture_url(picture: bytes) -> str:

@@ -62,7 +62,7 @@ class _Clock:
 
 
 def _keep(record: EpisodeRecord, path: Path) -> None:
-    from sonar_explore.reports.study import write_packed_report
+    from sonar_explore.reports.episode import write_packed_report
 
     save_record_packed(record, record_path(path))
     write_packed_report(record, report_path(path))

@@ -16,7 +16,7 @@ from sonar_explore.studies.tables import brief_table, goal_lines, table_of
 
 def run_reproduction(choices: Choices, arms: Sequence[str]) -> Study:
     """The paper's runs, with and without SLAM."""
-    from sonar_explore.reports.study import write_reproduction
+    from sonar_explore.reports.reproduce import write_reproduction
 
     for arm in arms:
         if arm not in SLAMS:

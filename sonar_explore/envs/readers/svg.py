@@ -57,6 +57,7 @@ class Element:
 
     @property
     def hidden(self) -> bool:
+        """Whether its own attributes take it, and all inside it, out of the drawing."""
         style = self.attributes.get("style", "").replace(" ", "")
         return self.attributes.get("display") == "none" or "display:none" in style
 

@@ -28,6 +28,7 @@ STYLE = {
 
 
 def line(axes: Any, segment: Segment, colour: str, width: float, label: str) -> None:
+    """A segment [m]; the legend names each label once."""
     known = axes.get_legend_handles_labels()[1]
     axes.plot(
         [segment.x1, segment.x2],

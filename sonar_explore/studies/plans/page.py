@@ -17,8 +17,8 @@ from sonar_explore.envs.world import load_world
 from sonar_explore.episodes.record import EpisodeRecord
 from sonar_explore.episodes.scoring import Scorer
 from sonar_explore.mapping.grid import OCCUPIED
+from sonar_explore.reports.page import write_page
 from sonar_explore.reports.raster import grid_states
-from sonar_explore.reports.study import write_page
 from sonar_explore.studies.plans.results import PlansStudy, Run, unseen
 from sonar_explore.studies.plans.tables import goal_lines, group_table, growth_table, plan_table
 from sonar_explore.studies.store import load_record_packed, record_path
