@@ -45,6 +45,7 @@ $(BENCH)/.ready: $(READY)
 # One environment, made once, and brought up to date when the dependencies change.
 $(READY): pyproject.toml
 	@[ -n "$(PYTHON)" ] || { echo "no Python 3.11 or later found; say PYTHON=..." >&2; exit 1; }
+	@echo "setting up $(VENV): a minute or two, the first time"
 	[ -x $(BIN)/python ] || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@

@@ -30,6 +30,7 @@ passages are those up to {door:.1f} m wide between roomier places; loops are blo
 
 
 def main() -> None:
+    """Draw what is shown, and write the page."""
     (DOCS / "gallery").mkdir(exist_ok=True)
     parts = [
         HEAD.format(door=DOOR_MAX_M),
