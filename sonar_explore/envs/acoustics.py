@@ -17,7 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonar_explore.beam import Beam
-from sonar_explore.envs.pings import CORNER, CYLINDER, EDGE, GHOST, NOTHING, PLANE, ROUGH, beam_numbers, fire_all
+from sonar_explore.envs.pings import (
+    CORNER,
+    CYLINDER,
+    EDGE,
+    GHOST,
+    NOTHING,
+    PLANE,
+    ROUGH,
+    beam_numbers,
+    fire_all,
+)
 from sonar_explore.envs.scene import Scene
 from sonar_explore.geometry import Array
 

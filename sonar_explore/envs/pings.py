@@ -301,7 +301,9 @@ def _view(vx, vy, rho, gain, mirror_1, mirror_2, range_max, world, near, source,
             continue
         if not _through(vx, vy, wedges[i, 0], wedges[i, 1], slack, mirror_1, mirror_2, walls):
             continue
-        if not _put(source, n, _WEDGE, i, dx, dy, 0.0, slack, slack, gain, range_max, wedges, cylinders, beam):
+        if not _put(
+            source, n, _WEDGE, i, dx, dy, 0.0, slack, slack, gain, range_max, wedges, cylinders, beam
+        ):
             continue
         opens = _opens(wedges, i, dx, dy, slack)
         if opens >= 0:
@@ -311,7 +313,20 @@ def _view(vx, vy, rho, gain, mirror_1, mirror_2, range_max, world, near, source,
         ids[n, _WHAT], ids[n, _WHICH], ids[n, _OPENS] = _COLUMN, i, 0
         cx, cy, radius = cylinders[i, 0], cylinders[i, 1], cylinders[i, 2]
         if _through(vx, vy, cx, cy, slack, mirror_1, mirror_2, walls) and _put(
-            source, n, _COLUMN, i, cx - vx, cy - vy, radius, slack, slack, gain, range_max, wedges, cylinders, beam
+            source,
+            n,
+            _COLUMN,
+            i,
+            cx - vx,
+            cy - vy,
+            radius,
+            slack,
+            slack,
+            gain,
+            range_max,
+            wedges,
+            cylinders,
+            beam,
         ):
             n += 1
     return n

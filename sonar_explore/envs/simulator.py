@@ -9,7 +9,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sonar_explore.amigobot import AmigoBot
-from sonar_explore.envs.acoustics import SonarPhysics, echoes, hearing, measured, measured_once, temperature_scale
+from sonar_explore.envs.acoustics import (
+    SonarPhysics,
+    echoes,
+    hearing,
+    measured,
+    measured_once,
+    temperature_scale,
+)
 from sonar_explore.envs.odometry import OdometryError, OdometryNoise, running_sum
 from sonar_explore.envs.pings import turned_discs
 from sonar_explore.envs.scene import Scene
@@ -43,7 +50,12 @@ class Simulator:
         self.config = config
         sonar = config.sonar
         self._scene = Scene.of(world, sonar.range_max_m, sonar.roughness)
-        self._hearing = (*self._scene.arrays, *self._scene.scratch, *hearing(sonar), np.empty(1, dtype=np.int64))
+        self._hearing = (
+            *self._scene.arrays,
+            *self._scene.scratch,
+            *hearing(sonar),
+            np.empty(1, dtype=np.int64),
+        )
         self._mounts = [(disc.x, disc.y, disc.heading) for disc in config.robot.sonars]
         self.reset(rng)
 
@@ -78,7 +90,14 @@ class Simulator:
         disc = self._next_disc
         true_forward, true_turn = self._wheels.true_motion(forward, turn)
         drive_and_fire(
-            self._state, forward, turn, true_forward, true_turn, robot.radius_m, *self._mounts[disc], *self._hearing
+            self._state,
+            forward,
+            turn,
+            true_forward,
+            true_turn,
+            robot.radius_m,
+            *self._mounts[disc],
+            *self._hearing,
         )
         state = self._state.tolist()
         self.true_pose, self.pose_robot_in_odometry = Pose(*state[TRUE]), Pose(*state[ODOMETRY])
@@ -114,7 +133,9 @@ class Simulator:
                 pose_sonar_in_robot=robot.sonars[disc],
                 range_max_m=robot.range_max_m,
             )
-            for disc, ranges in zip(discs, self._measure(self.true_pose, true_headings[:-1], discs), strict=True)
+            for disc, ranges in zip(
+                discs, self._measure(self.true_pose, true_headings[:-1], discs), strict=True
+            )
         ]
         self.true_pose = replace(self.true_pose, heading=float(true_headings[-1]))
         counted = running_sum(began.heading, np.full(count, step))
@@ -152,7 +173,9 @@ class Simulator:
         n = len(true_headings)
         fired = np.empty((len(discs) * n, 3))
         for k, disc in enumerate(discs):
-            turned_discs(true_pose.x, true_pose.y, true_headings, *self._mounts[disc], fired[k * n : (k + 1) * n])
+            turned_discs(
+                true_pose.x, true_pose.y, true_headings, *self._mounts[disc], fired[k * n : (k + 1) * n]
+            )
         ranges, _ = echoes(self._scene, fired, self.config.sonar)
         return [
             measured(heard, self._range_scale, self.config.sonar, self._rng)
