@@ -88,7 +88,7 @@ def commands(ctx: click.Context) -> None:
         click.echo(ctx.get_help())
 
 
-@commands.command()
+@commands.command(short_help="The worlds that are shipped, and the generators.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON array.")
 def worlds(as_json: bool) -> None:
     """List the worlds that are shipped, and the generators, which make one for every seed."""
@@ -110,7 +110,7 @@ def worlds(as_json: bool) -> None:
     _print_list(rows, as_json)
 
 
-@commands.command()
+@commands.command(short_help="What is read from a world file, and what looks wrong.")
 @click.argument("file")
 @click.option("--out", type=click.Path(path_type=Path), help="Picture to write: PNG, SVG or PDF.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object, nothing else.")
@@ -138,7 +138,7 @@ def world(file: str, out: Path | None, as_json: bool) -> None:
         click.echo(f"picture: {out}")
 
 
-@commands.command()
+@commands.command(short_help="The exploration policies that are installed.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON array.")
 def agents(as_json: bool) -> None:
     """List the exploration policies that are installed."""

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from sonar_explore import cli
+from sonar_explore.agents import make_agent
 from sonar_explore.choices import SLAMS as CHOICES
 from sonar_explore.episodes.commands import default_folder
 from sonar_explore.episodes.record import EpisodeRecord, StepRecord
@@ -197,6 +198,22 @@ def test_a_world_file_names_a_folder_of_one_level(folder: Path) -> None:
 )
 def test_what_a_shell_or_a_path_would_read_is_not_in_a_folder_name(world: str, named: str) -> None:
     assert str(default_folder(world, "nearest", "off", "paper", 0)) == f"runs/{named}-nearest-off-paper-0"
+
+
+def test_a_policy_in_the_working_folder_is_found(
+    capsys: Capture, folder: Path, runner: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "path", [p for p in sys.path if p not in ("", str(folder))])
+    (folder / "a_policy_here.py").write_text("class Mine:\n    def choose(self, situation): ...\n", "utf-8")
+    assert cli.main(["run", "loop", "--json", "--agent", "a_policy_here:Mine"]) == 0
+    assert type(make_agent("a_policy_here:Mine")).__name__ == "Mine"
+    capsys.readouterr()
+
+
+def test_no_summary_of_a_command_is_cut_short(capsys: Capture) -> None:
+    assert cli.main(["--help"]) == 0
+    _, _, summaries = capsys.readouterr().out.partition("Commands:")
+    assert len(summaries.splitlines()) > len(cli.commands.commands) and "..." not in summaries
 
 
 def test_slam_offers_all_there_are(capsys: Capture, folder: Path, runner: SimpleNamespace) -> None:

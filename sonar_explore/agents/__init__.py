@@ -45,7 +45,8 @@ def _load(name: str, point: EntryPoint) -> Any:
         importlib.invalidate_caches()
         return point.load()
     except (ImportError, AttributeError, ValueError) as error:
-        raise SonarExploreError(f"agent {name!r} cannot be loaded: {error}; give module:Name") from error
+        where = "module:Name, the module in the working folder, on PYTHONPATH or installed"
+        raise SonarExploreError(f"agent {name!r} cannot be loaded: {error}; give {where}") from error
 
 
 def _first_line(point: EntryPoint) -> str:

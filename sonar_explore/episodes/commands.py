@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -23,7 +24,7 @@ SEED_MAX = 2**32 - 1
 NOT_IN_A_NAME = "?&=:/\\"
 
 
-@click.command()
+@click.command(short_help="Explore WORLD, and report on it.")
 @click.argument("world")
 @click.option("--agent", default="frontier", show_default=True, help="Policy: a known name, or module:Name.")
 @click.option(
@@ -84,7 +85,7 @@ def run(
         click.echo(f"report: {report_file}")
 
 
-@click.command()
+@click.command(short_help="Make the report of an episode again.")
 @click.argument("episode", type=click.Path(path_type=Path))
 @click.option(
     "--out", type=click.Path(path_type=Path), help="Page to write; default: report.html beside EPISODE."
@@ -98,7 +99,7 @@ def report(episode: Path, out: Path | None) -> None:
     click.echo(f"report: {page}")
 
 
-@click.command()
+@click.command(short_help="An episode as TUM trajectories and a ROS map.")
 @click.argument("episode", type=click.Path(path_type=Path))
 @click.option(
     "--tum", type=click.Path(path_type=Path), help="TUM trajectory to write: the believed poses of the scans."
@@ -147,6 +148,8 @@ def _explore(
     from sonar_explore.episodes.run import run_episode
 
     extra: dict[str, Any] = {} if recorder is None else {"recorder": recorder}
+    if ":" in agent and os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())  # a policy that lies in the working folder is found as well
     with _progress(quiet) as on_step:
         return run_episode(world, agent, slam, noise, seed, config=config, on_step=on_step, **extra)
 

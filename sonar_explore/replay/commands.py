@@ -9,7 +9,7 @@ import click
 from sonar_explore.choices import SLAMS
 
 
-@click.command("real-sonar")
+@click.command("real-sonar", short_help="Extraction and SLAM on recorded sonar.")
 @click.argument("data", type=click.Path(path_type=Path))
 @click.option("--seeds", type=click.IntRange(1), default=10, show_default=True, help="Odometries a run.")
 @click.option(
@@ -34,7 +34,7 @@ def real_sonar(data: Path, seeds: int, out: Path, docs: Path | None) -> None:
     click.echo(f"page: {out / 'index.html'}")
 
 
-@click.command()
+@click.command(short_help="SLAM on recorded scans: a log of ours or of others.")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
 @click.option(
     "--slam", type=click.Choice(SLAMS), default="chain", show_default=True, help="What corrects the pose."

@@ -99,7 +99,12 @@ def read_log(path: Path) -> Log:
     lines = [line for line in enumerate(_content(path).split(b"\n"), start=1) if line[1].strip()]
     if not lines:
         raise SonarExploreError(f"{path} is empty; a log begins with a line that names its start pose")
-    head = _decoded(path, *lines[0], HeadLine)
+    try:
+        head = _decoded(path, *lines[0], HeadLine)
+    except SonarExploreError as error:
+        raise SonarExploreError(
+            f"{error}; a log is what `run --log` keeps, or as in docs/replay.md"
+        ) from error
     if not 1 <= len(lines) - 1 <= MAX_SCANS:
         raise SonarExploreError(f"{path} has {len(lines) - 1} scans; possible: 1 to {MAX_SCANS}")
     entries: list[Pose | Scan] = []

@@ -45,7 +45,7 @@ def _options(
     return decorated
 
 
-@click.command()
+@click.command(short_help="The paper's worlds with and without SLAM, many seeds.")
 @_options("reproduce", seeds=100)
 @click.option(
     "--arms",
@@ -62,7 +62,7 @@ def reproduce(arms: tuple[str, ...], **choices: Any) -> None:
     run_reproduction(Choices(**choices), arms)
 
 
-@click.command()
+@click.command(short_help="Every departure from the paper off alone.")
 @_options("ablation", seeds=20)
 def ablation(**choices: Any) -> None:
     """Turn off every departure from the paper, one at a time."""
@@ -72,7 +72,7 @@ def ablation(**choices: Any) -> None:
     run_ablation(Choices(**choices))
 
 
-@click.command()
+@click.command(short_help="Thresholds, scan and wheels swept around their defaults.")
 @_options("sensitivity", seeds=10, worlds=("paper/loop", "paper/rooms"))
 def sensitivity(**choices: Any) -> None:
     """Sweep the paper's thresholds, the scan and the wheels around their defaults."""
@@ -82,7 +82,7 @@ def sensitivity(**choices: Any) -> None:
     run_sensitivity(Choices(**choices))
 
 
-@click.command("ring-scan")
+@click.command("ring-scan", short_help="The ring scan beside the paper's.")
 @_options("ring-scan", seeds=5)
 def ring_scan(**choices: Any) -> None:
     """Compare the ring scan with the paper's: success, accuracy and time."""
@@ -92,7 +92,7 @@ def ring_scan(**choices: Any) -> None:
     run_ring_scan(Choices(**choices))
 
 
-@click.command("explore-plans")
+@click.command("explore-plans", short_help="Floor plans and generated worlds: what is left, and why.")
 @click.argument("data", required=False, type=click.Path(path_type=Path))
 @click.option("--generated", type=click.IntRange(0), default=200, show_default=True, help="Generated worlds.")
 @click.option("--seeds", type=click.IntRange(1), default=1, show_default=True, help="0 to N - 1.")
@@ -125,7 +125,7 @@ def explore_plans(**choices: Any) -> None:
     run_plans(PlanChoices(**choices))
 
 
-@click.command()
+@click.command(short_help="Every SLAM on the same drives, beside an oracle.")
 @_options("compare", seeds=100, noise="paper,worn")
 @click.option(
     "--closed-loop-seeds",

@@ -76,6 +76,16 @@ def with_text(page: str, kind: str, text: str) -> str:
 
 
 def main(folders: list[str]) -> int:
+    """Put every study named into its page; what cannot be done is one line on stderr."""
+    try:
+        put(folders)
+    except SonarExploreError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+def put(folders: list[str]) -> None:
     """Put every study named into its page."""
     for folder in map(Path, folders):
         kind = _kind(folder)
@@ -88,7 +98,6 @@ def main(folders: list[str]) -> int:
         study = load_study(folder / "results.json")
         path = PAGES.get(study.kind, PAGE)
         write_atomically(path, with_section(path.read_text(encoding="utf-8"), study).encode())
-    return 0
 
 
 def comparison_section(found: Comparison) -> str:
@@ -114,7 +123,7 @@ def _kind(folder: Path) -> str:
     try:
         return msgspec.json.decode((folder / "results.json").read_bytes(), type=_Kind).kind
     except (OSError, msgspec.DecodeError) as error:
-        raise SonarExploreError(f"{folder / 'results.json'} is no study: {error}") from error
+        raise SonarExploreError(f"{folder} holds no study's results.json: {error}") from error
 
 
 def _put_plans(folder: Path) -> None:
