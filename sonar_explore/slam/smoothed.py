@@ -77,7 +77,7 @@ class SmoothedSlam(ChainSlam):
         ]
         self.chains.place(dict(enumerate(poses)))
         self.pose = poses[-1]
-        self._filter.restart(*map(float, (*self._smoother.wheels, self._smoother.own[-1])))
+        self._filter.restart(*map(float, (*self._smoother.constants[:2], self._smoother.own[-1])))
 
     def _believable(self, associations: Sequence[Association], residuals: Residuals) -> NDArray[np.bool_]:
         """The odometry since the last scan, and how sure its pose is relative to each chain, bound both residuals."""

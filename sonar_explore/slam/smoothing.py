@@ -6,7 +6,8 @@ measured so far:
 
 - odometry between scans, with its covariance and its dependence on the two constants of the wheels and on the own
   error of each scan's turn, which the discs of the scan may tell;
-- bearing and range of each associated feature to the line of its chain; a merge puts two chains on one line.
+- bearing and range of each associated feature to the line of its chain; a merge puts two chains on one line. All ranges
+  share one scale: the air is warmer or colder than the robot thinks, all day.
 
 Gauss-Newton with a robust loss (Huber, then Cauchy), so that a false merge bends the map little.
 """
@@ -41,7 +42,9 @@ class SmoothingConfig:
     turn_rad: float = math.radians(1.5)
     """Random heading error of the full turn of a scan, [rad]."""
     range_m: float = 0.015
-    """Of a feature's range, by noise and temperature, [m]."""
+    """Of a feature's range, [m]."""
+    range_scale: float = 0.005
+    """Of all ranges together, relative: 3 K more or less than assumed change the speed of sound by as much."""
     iterations: int = 6
     """Gauss-Newton steps a scan: the first half with Huber's loss, the rest with Cauchy's."""
 
@@ -67,12 +70,12 @@ class Smoother:
 
     def __init__(self, start: Pose, config: SmoothingConfig, wheel_sigmas: tuple[float, float]) -> None:
         self._config = config
-        self._wheel_sigmas = np.array(wheel_sigmas)
+        self._constant_sigmas = np.array([*wheel_sigmas, config.range_scale])
         self._start = start
         self.poses: Array = np.zeros((0, 3))
         """x, y [m], heading [rad] of every scan, shape (n, 3)."""
-        self.wheels: Array = np.zeros(2)
-        """Turn error and bend [rad/m]."""
+        self.constants: Array = np.zeros(3)
+        """Turn error, bend [rad/m] and scale of the ranges (true over measured, less one), the last unknowns."""
         self.own: Array = np.zeros(0)
         """What each scan's own turn has of error beyond that, relative, shape (n,)."""
         self._turns: list[tuple[int, TurnError]] = []
@@ -102,7 +105,7 @@ class Smoother:
         self._sightings.append(sighting)
         if sighting.chain not in self._lines:
             x, y, heading = self.poses[sighting.scan]
-            error = self.wheels[0] + self.own[sighting.scan]
+            error = self.constants[0] + self.own[sighting.scan]
             angle = heading + sighting.bearing_rad + sighting.sweep_rad * error
             self._lines[sighting.chain] = np.array(
                 [angle, x * math.cos(angle) + y * math.sin(angle) + sighting.range_m]
@@ -125,8 +128,8 @@ class Smoother:
             n = len(self.poses)
             self.poses = self.poses + step[: 3 * n].reshape(n, 3)
             self.own = self.own + step[3 * n : 4 * n]
-            lines = lines + step[4 * n : -2].reshape(-1, 2)
-            self.wheels = self.wheels + step[-2:]
+            lines = lines + step[4 * n : -3].reshape(-1, 2)
+            self.constants = self.constants + step[-3:]
         self._lines = dict(zip(chains, lines, strict=True))
         self._column = column
 
@@ -146,7 +149,7 @@ class Smoother:
         return math.sqrt(max(0.0, variance[0])), math.sqrt(max(0.0, variance[1]))
 
     def _step(self, sightings: _Stack, lines: Array, robust: Robust) -> Array:
-        size = 4 * len(self.poses) + 2 * len(lines) + 2
+        size = 4 * len(self.poses) + 2 * len(lines) + 3
         blocks = [self._anchor(size), self._own_turns(size), self._odometry(size)]
         if len(sightings.scan):
             blocks.append(self._sighted(sightings, lines, size, robust))
@@ -156,12 +159,12 @@ class Smoother:
         return np.asarray(self._factor.solve(-(jacobian.T @ residual)))
 
     def _anchor(self, size: int) -> tuple[sparse.csr_matrix, Array]:
-        """The first scan stands at the start; the wheels are about right."""
-        weight = np.concatenate([np.full(3, 1e4), 1.0 / self._wheel_sigmas])
-        columns = np.array([0, 1, 2, size - 2, size - 1])
+        """The first scan stands at the start; wheels and temperature are about right."""
+        weight = np.concatenate([np.full(3, 1e4), 1.0 / self._constant_sigmas])
+        columns = np.array([0, 1, 2, size - 3, size - 2, size - 1])
         start = np.array([self._start.x, self._start.y, self._start.heading])
-        off = np.concatenate([self.poses[0] - start, self.wheels])
-        return sparse.csr_matrix((weight, (np.arange(5), columns)), shape=(5, size)), weight * off
+        off = np.concatenate([self.poses[0] - start, self.constants])
+        return sparse.csr_matrix((weight, (np.arange(6), columns)), shape=(6, size)), weight * off
 
     def _own_turns(self, size: int) -> tuple[sparse.csr_matrix, Array]:
         """Every scan's turn is about as the wheels turn, and about as its discs say."""
@@ -171,9 +174,9 @@ class Smoother:
         heard = np.array([turn.relative for _, turn in self._turns])
         weight = np.array([1.0 / turn.sigma for _, turn in self._turns])
         rows = np.concatenate([np.arange(n), n + np.arange(m), n + np.arange(m)])
-        columns = np.concatenate([3 * n + np.arange(n), 3 * n + scans, np.full(m, size - 2)])
+        columns = np.concatenate([3 * n + np.arange(n), 3 * n + scans, np.full(m, size - 3)])
         values = np.concatenate([np.full(n, loose), weight, weight])
-        off = weight * (self.wheels[0] + self.own[scans] - heard)
+        off = weight * (self.constants[0] + self.own[scans] - heard)
         jacobian = sparse.csr_matrix((values, (rows, columns)), shape=(n + m, size))
         return jacobian, np.concatenate([loose * self.own, off])
 
@@ -190,12 +193,12 @@ class Smoother:
         by_here = -back
         by_here[:, 0, 2], by_here[:, 1, 2] = moved[:, 1], -moved[:, 0]
         jacobian = white @ np.concatenate([by_here, back, -by_own[:, :, None], -by_wheels], axis=2)
-        known = change + by_wheels @ self.wheels + by_own * self.own[:m, None]
+        known = change + by_wheels @ self.constants[:2] + by_own * self.own[:m, None]
         residual = white @ (moved - known)[:, :, None]
         columns = np.empty((m, 3, 9), dtype=np.intp)
         columns[:, :, :6] = (3 * np.arange(m)[:, None] + np.arange(6))[:, None, :]
         columns[:, :, 6] = (3 * len(self.poses) + np.arange(m))[:, None]
-        columns[:, :, 7:] = size - 2, size - 1
+        columns[:, :, 7:] = size - 3, size - 2
         starts = 9 * np.arange(3 * m + 1)
         matrix = sparse.csr_matrix((jacobian.ravel(), columns.ravel(), starts), shape=(3 * m, size))
         return matrix, residual.ravel()
@@ -205,22 +208,24 @@ class Smoother:
     ) -> tuple[sparse.csr_matrix, Array]:
         x, y, heading = self.poses[stack.scan].T
         angle, distance = lines[stack.line].T
-        normal = heading + stack.bearing + stack.sweep * (self.wheels[0] + self.own[stack.scan])
+        normal = heading + stack.bearing + stack.sweep * (self.constants[0] + self.own[stack.scan])
         side = np.where(np.cos(normal - angle) >= 0.0, 1.0, -1.0)  # a thin wall may be seen from behind
         c, s = np.cos(angle), np.sin(angle)
         turn = wrap_angle(normal - angle + np.where(side < 0.0, math.pi, 0.0)) * stack.sure
-        gap = (side * (distance - x * c - y * s) - stack.range) / self._config.range_m
+        sigma, depth = self._config.range_m, stack.range * (1.0 + self.constants[2])
+        gap = (side * (distance - x * c - y * s) - depth) / sigma
         weight = np.sqrt(robust(turn**2 + gap**2))
-        u, v = weight * stack.sure, side * weight / self._config.range_m
+        u, v = weight * stack.sure, side * weight / sigma
         n = len(stack.scan)
         pose, line = 3 * stack.scan, 4 * len(self.poses) + 2 * stack.line
         own = 3 * len(self.poses) + stack.scan
         first, second = np.arange(n), np.arange(n, 2 * n)
-        wheel = np.full(n, size - 2)
-        rows = np.concatenate([first, first, first, first, second, second, second, second])
-        columns = np.concatenate([pose + 2, line, own, wheel, pose, pose + 1, line, line + 1])
+        turn_error, scale = np.full(n, size - 3), np.full(n, size - 1)
+        rows = np.concatenate([np.tile(first, 4), np.tile(second, 5)])
+        columns = np.concatenate([pose + 2, line, own, turn_error, pose, pose + 1, line, line + 1, scale])
         turned = u * stack.sweep
-        values = np.concatenate([u, -u, turned, turned, -v * c, -v * s, v * (x * s - y * c), v])
+        longer = -weight * stack.range / sigma
+        values = np.concatenate([u, -u, turned, turned, -v * c, -v * s, v * (x * s - y * c), v, longer])
         jacobian = sparse.csr_matrix((values, (rows, columns)), shape=(2 * n, size))
         return jacobian, np.concatenate([weight * turn, weight * gap])
 

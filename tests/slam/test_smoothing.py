@@ -2,6 +2,7 @@
 """Everything measured, solved at once: exact measurements give the truth, false ones do little harm."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -72,7 +73,7 @@ def test_exact_measurements_give_the_true_poses_from_bad_first_guesses(seed):
     for _ in range(5):
         out.solve()
     assert (off_by(out, poses) < 1e-4).all()
-    assert np.abs(out.wheels).max() < 1e-5
+    assert np.abs(out.constants).max() < 1e-5
 
 
 def test_a_wrong_wheel_base_is_found_by_the_turns():
@@ -80,36 +81,53 @@ def test_a_wrong_wheel_base_is_found_by_the_turns():
     out = smoother(poses, motions, np.random.default_rng(0), off=(0.03, 0.03, 0.02))
     for _ in range(5):
         out.solve()
-    assert out.wheels[0] == pytest.approx(0.01, abs=0.002)
+    assert out.constants[0] == pytest.approx(0.01, abs=0.002)
     assert (off_by(out, poses) < (0.01, 0.01, 0.005)).all()
+
+
+@pytest.mark.parametrize("scale", [0.01, -0.01])
+def test_the_scale_of_the_ranges_is_learned_from_walls_near_and_far_more_with_every_round(scale):
+    found = []
+    for rounds in (2, 8, 20):
+        poses, motions = loop(rounds=rounds)
+        out = Smoother(START, SmoothingConfig(range_m=0.003), WHEELS)
+        for i, p in enumerate(poses):
+            out.add_scan(p, motions[i - 1] if i else None)
+        for s in sightings(poses):
+            out.add_sighting(replace(s, range_m=s.range_m / (1.0 + scale)))
+        for _ in range(5):
+            out.solve()
+        found.append(out.constants[2] / scale)
+    assert 0.2 < found[0] < found[1] < found[2] < 1.0
+    assert found[2] > 0.75
 
 
 def test_the_jacobian_agrees_with_finite_differences():
     rng = np.random.default_rng(3)
     poses, motions = loop(rounds=1)
     out = smoother(poses, motions, rng, off=(0.05, 0.05, 0.03))
-    out.wheels, out.own = rng.normal(0, 0.01, 2), rng.normal(0, 0.01, len(poses))
+    out.constants, out.own = rng.normal(0, 0.01, 3), rng.normal(0, 0.01, len(poses))
     out._turns = [(k, TurnError(0.01, 0.004)) for k in (0, 2)]
     chains = sorted(out._lines)
     lines = np.array([out._lines[c] for c in chains]) + rng.normal(0, 0.02, (len(chains), 2))
-    n, size = len(out.poses), 4 * len(out.poses) + 2 * len(chains) + 2
+    n, size = len(out.poses), 4 * len(out.poses) + 2 * len(chains) + 3
     seen = [
         Sighting(s.scan, s.chain, s.bearing_rad, 0.1 * k, s.range_m) for k, s in enumerate(out._sightings)
     ]
     stack = _Stack.of(seen, dict.fromkeys(chains, 0), SmoothingConfig())
 
     def parts(step):
-        before = out.poses, out.own, out.wheels
+        before = out.poses, out.own, out.constants
         out.poses, out.own = before[0] + step[: 3 * n].reshape(n, 3), before[1] + step[3 * n : 4 * n]
-        out.wheels = before[2] + step[-2:]
-        now = lines + step[4 * n : -2].reshape(-1, 2)
+        out.constants = before[2] + step[-3:]
+        now = lines + step[4 * n : -3].reshape(-1, 2)
         blocks = (
             out._anchor(size),
             out._own_turns(size),
             out._odometry(size),
             out._sighted(stack, now, size, np.ones_like),
         )
-        out.poses, out.own, out.wheels = before
+        out.poses, out.own, out.constants = before
         return [b[0].toarray() for b in blocks], [b[1] for b in blocks]
 
     jacobians, _ = parts(np.zeros(size))

@@ -84,7 +84,7 @@ def oracle(
             for pose, ratio, found in zip(drive.true_poses, drive.turn_ratios, seen, strict=True)
         ]
         smoother = _solved(drive, motions, seen, owners, turn_error, noise, config)
-        turn_error = float(smoother.wheels[0])
+        turn_error = float(smoother.constants[0])
     poses = tuple(Pose(*map(float, row)) for row in smoother.poses)
     return OracleResult(poses, tuple(owners), tuple(found.features for found in seen), lines_of(walls))
 
