@@ -34,7 +34,7 @@ def _section(done: Replay) -> dict[str, Any]:
         draw_scan(axes, scan, entry.pose, update.features, title=f"scan {update.index}")
     return {
         "about": done.log.about,
-        "headline": headline(done),
+        "headline": headline(done).removeprefix(f"{done.log.about}: "),
         "map": picture_url(png(figure)),
         "scans": picture_url(png(scans)),
         "left_out": len(done.updates) - len(shown),

@@ -19,6 +19,8 @@ def run_ablation(choices: Choices) -> Study:
     table = pooled_table(study, [v.name for v in variants])
     write_atomically(choices.out / "table.md", f"# Ablation\n\n{table.markdown()}\n".encode())
     write_ablation(study, choices.out)
-    progress.show_table(table)
+    progress.show_table(
+        table.only({"arm": "arm", "all worlds": "all worlds [95 %]", "wall error [m]": "wall [m]"})
+    )
     progress.say(f"page: {choices.out / 'index.html'}")
     return study

@@ -66,7 +66,9 @@ class _Lines:
 
 def show_table(table: Table) -> None:
     """On stdout."""
-    shown = RichTable(box=box.SIMPLE, padding=(0, 1))
+    shown = RichTable(
+        box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False, collapse_padding=True, show_edge=False
+    )
     for index, column in enumerate(table.columns):
         shown.add_column(column, no_wrap=index < 3, overflow="fold")
     for row in table.rows:

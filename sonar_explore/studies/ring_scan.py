@@ -24,6 +24,14 @@ VARIANTS = tuple(
     for slam in SLAMS
     for scan, changes in SCANS.items()
 )
+BRIEFLY = {
+    "world": "world",
+    "SLAM, scan": "SLAM, scan",
+    "success [95 %]": "success [95 %]",
+    "mean position error [m]": "mean [m]",
+    "time [min]": "min",
+}
+"""What the terminal shows of the columns."""
 COLUMNS = (
     "world",
     "SLAM, scan",
@@ -43,7 +51,7 @@ def run_ring_scan(choices: Choices) -> Study:
     study = run_variants("ring-scan", choices, VARIANTS, keep_record=False)
     table = ring_table(study)
     write_atomically(choices.out / "table.md", f"# Ring scan\n\n{table.markdown()}\n".encode())
-    progress.show_table(table)
+    progress.show_table(table.only(BRIEFLY))
     progress.say(f"table: {choices.out / 'table.md'}")
     return study
 

@@ -14,7 +14,7 @@ GOAL = 0.99  # 99 of 100 with SLAM, in every world
 class Cause(StrEnum):
     """Why an episode is no success; one episode can have several."""
 
-    EXPLORED = "explored"
+    UNEXPLORED = "unexplored"
     """Less than 97 % of the reachable area was seen."""
     CONTACT = "contact"
     """The body touched a wall."""
@@ -32,7 +32,7 @@ def causes_of_failure(summary: Summary | None) -> tuple[Cause, ...]:
         return (Cause.EXCEPTION,)
     wall_error = summary.wall_error_m
     failed = {
-        Cause.EXPLORED: summary.explored_fraction < LEAST_EXPLORED,
+        Cause.UNEXPLORED: summary.explored_fraction < LEAST_EXPLORED,
         Cause.CONTACT: summary.contacts > 0,
         Cause.LOOP: summary.loop_closed is False,
         Cause.WALL_ERROR: wall_error is None or wall_error > LARGEST_WALL_ERROR_M,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from sonar_explore.studies.results import Row, Study
@@ -16,6 +16,16 @@ class Table:
 
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+
+    @property
+    def words(self) -> tuple[bool, ...]:
+        """Which columns hold words, to be set to the left; the others hold numbers."""
+        return tuple(any(row[i][:1].isalpha() for row in self.rows) for i in range(len(self.columns)))
+
+    def only(self, names: Mapping[str, str]) -> Table:
+        """Some columns, by their names, under other names: what fits a terminal."""
+        places = [self.columns.index(name) for name in names]
+        return Table(tuple(names.values()), tuple(tuple(row[i] for i in places) for row in self.rows))
 
     def markdown(self) -> str:
         """As a pipe table."""

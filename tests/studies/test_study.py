@@ -58,7 +58,7 @@ def test_the_results_say_what_was_run_and_how_each_episode_ended(finished):
     assert [(r.world, r.variant, r.success.n) for r in study.rows] == [("paper/corridor", a, 2) for a in ARMS]
     assert all(o.summary.scans == 3 and o.error is None for o in study.outcomes)
     assert study.config["max_scans"] == 3
-    assert study.rows[0].causes == {"explored": 2}
+    assert study.rows[0].causes == {"unexplored": 2}
 
 
 def test_the_table_says_plainly_that_the_goal_is_missed(finished):
@@ -126,7 +126,7 @@ def test_an_exception_is_recorded_and_ends_nothing(tmp_path, monkeypatch):
     failed, fine = study.outcomes
     assert failed.summary is None and failed.error.startswith("ValueError: a wall of <no> length (")
     assert fine.summary is not None
-    assert study.rows[0].causes == {"explored": 1, "exception": 1}
+    assert study.rows[0].causes == {"unexplored": 1, "exception": 1}
     assert "of &lt;no&gt; length" in (tmp_path / "figure-14.html").read_text()
 
 

@@ -16,7 +16,7 @@ from sonar_explore.studies.success import causes_of_failure
         ({}, []),
         ({"explored_fraction": 0.97, "wall_error_m": 0.15}, []),
         ({"loop_closed": None}, []),
-        ({"explored_fraction": 0.969}, ["explored"]),
+        ({"explored_fraction": 0.969}, ["unexplored"]),
         ({"contacts": 1}, ["contact"]),
         ({"loop_closed": False}, ["loop"]),
         ({"wall_error_m": 0.151}, ["wall error"]),

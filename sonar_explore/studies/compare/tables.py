@@ -32,11 +32,8 @@ def accuracy_table(found: Comparison, noise: str) -> Table:
 
 def brief_table(found: Comparison, noise: str) -> Table:
     """What fits a terminal."""
-    table = accuracy_table(found, noise)
-    chosen = [COLUMNS.index(name) for name in ("world", "SLAM", "mean error [m]", "gap [m]", "update [ms]")]
-    return Table(
-        tuple(COLUMNS[i] for i in chosen), tuple(tuple(row[i] for i in chosen) for row in table.rows)
-    )
+    names = ("world", "SLAM", "mean error [m]", "gap [m]", "update [ms]")
+    return accuracy_table(found, noise).only({name: name for name in names})
 
 
 def _cells(row: ArmRow) -> tuple[str, ...]:

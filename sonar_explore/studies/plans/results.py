@@ -27,7 +27,7 @@ LATE = 20  # decisions at the end whose time counts: the map is largest there
 class Miss(StrEnum):
     """What a run misses of the goal."""
 
-    EXPLORED = "explored"
+    UNEXPLORED = "unexplored"
     CONTACT = "contact"
     STEP_LIMIT = "step limit"
     EXCEPTION = "exception"
@@ -86,7 +86,7 @@ class Run(msgspec.Struct, frozen=True):
         if s is None:
             return (Miss.EXCEPTION,)
         missed = {
-            Miss.EXPLORED: s.explored_fraction < LEAST_EXPLORED,
+            Miss.UNEXPLORED: s.explored_fraction < LEAST_EXPLORED,
             Miss.CONTACT: s.contacts > 0,
             Miss.STEP_LIMIT: s.end_reason == "scan_limit",
         }

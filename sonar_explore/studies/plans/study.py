@@ -19,7 +19,7 @@ from sonar_explore.studies.jobs import Job, Outcome, Variant, code_fingerprint
 from sonar_explore.studies.plans.buildings import Building, buildings_of, data_folder, generated, plan_files
 from sonar_explore.studies.plans.page import write_pages
 from sonar_explore.studies.plans.results import KIND, Miss, PlansStudy, Run, late_s, parts_left
-from sonar_explore.studies.plans.tables import goal_lines, group_table, growth_table, plan_table
+from sonar_explore.studies.plans.tables import BRIEFLY, goal_lines, group_table, growth_table, plan_table
 from sonar_explore.studies.plans.tour import kept_tour
 from sonar_explore.studies.runner import plan, run_jobs, usable_cores
 from sonar_explore.studies.store import load_record_packed, record_path
@@ -82,7 +82,7 @@ def run_plans(choices: PlanChoices) -> PlansStudy:
         write_atomically(choices.out / "table.md", text.encode())
         records = {(job.world, job.seed): choices.out / job.path for _, job, _ in outcomes}
         write_pages(study, choices.out, records)
-    progress.show_table(group_table(study))
+    progress.show_table(group_table(study).only(BRIEFLY))
     progress.say(*goal_lines(study), f"page: {choices.out / 'index.html'}")
     return study
 
@@ -140,7 +140,7 @@ def _summed_up(building: Building, job: Job, outcome: Outcome, out: Path) -> Run
         tour_m=tour.length_m,
         decision_s=late_s(outcome.decision_cpu_s),
     )
-    if Miss.EXPLORED not in run.misses:
+    if Miss.UNEXPLORED not in run.misses:
         return run
     record = load_record_packed(record_path(out / job.path))
     return msgspec.structs.replace(run, parts=parts_left(record, job.world))

@@ -51,6 +51,13 @@ GROUP_COLUMNS = (
     "scans",
     "driven / tour",
 )
+BRIEFLY = {
+    "buildings": "buildings",
+    "runs": "runs",
+    ">= 97 % explored [95 %]": ">= 97 % explored",
+    "driven / tour": "driven / tour",
+}
+"""What the terminal shows of the columns."""
 
 
 def group_table(study: PlansStudy) -> Table:
