@@ -26,7 +26,7 @@ from sonar_explore.geometry import Array, Pose, wrap_angle
 from sonar_explore.mapping.distance import distances
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States
 from sonar_explore.mapping.rows import differing_rows
-from sonar_explore.mapping.sectors import Sectors, cut_at_walls, in_reach, mark_segments
+from sonar_explore.mapping.sectors import Sectors, cut_all_at_walls, in_reach, mark_segments
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.features import Feature, FeatureKind, compensated_ranges
 
@@ -231,11 +231,11 @@ class OccupancyMapper:
         cfg = self._config
         frame = self._covering(poses)
         moved = self._place(poses, looks)
-        walls = np.vstack([placed.walls for placed in self._placed])
+        walls = np.concatenate([placed.walls for placed in self._placed])
         scan = np.repeat(np.arange(len(looks)), [len(look.walls) for look in looks])
         pivots = pivot_points(walls, scan, cfg)
         feet = 0.5 * (walls[pivots, :2] + walls[pivots, 2:])
-        points = np.vstack([feet, *(placed.points for placed in self._placed)])
+        points = np.concatenate([feet, *(placed.points for placed in self._placed)])
         recent = max(0, len(looks) - RECENT_SCANS)
         fresh_feet = feet[scan[pivots] >= recent]
         self.recent_points = np.vstack([fresh_feet, *(placed.points for placed in self._placed[recent:])])
@@ -255,11 +255,9 @@ class OccupancyMapper:
             gaps = bridges(np.vstack([walls, np.hstack([feet, feet])]), 2.0 * self._body)
         barriers = np.vstack([walls, gaps])
         self._sectors.resize(frame)
-        for i in self._to_cut(poses, looks, moved, scan, pivots, barriers):
-            pose, own = poses[i], self._placed[i].continuations[~pivots[scan == i]]
-            x, y, heading = pose.x, pose.y, pose.heading
-            clear = cut_at_walls(x, y, heading, looks[i].clear_m, barriers, own, cfg.wall_margin_m)
-            self._sectors.put(i, pose, clear, looks[i].core_m)
+        again = self._to_cut(poses, looks, moved, scan, pivots, barriers)
+        for i, clear in zip(again, self._cut(again, looks, ~pivots, barriers), strict=True):
+            self._sectors.put(i, poses[i], clear, looks[i].core_m)
         for i, (pose, trail) in enumerate(zip(poses, trails, strict=True)):
             self._sectors.trail(i, pose, trail, self._body)
         bridged = np.zeros(frame.shape)
@@ -290,7 +288,7 @@ class OccupancyMapper:
         scan: NDArray[np.int64],
         pivots: Mask,
         barriers: Array,
-    ) -> NDArray[np.int64]:
+    ) -> list[int]:
         """Scans that may clear other cells than last time: they moved, or a wall of theirs or near them changed."""
         changed = differing_rows(barriers, self._barriers)
         places = np.array([(p.x, p.y) for p in poses])
@@ -298,7 +296,19 @@ class OccupancyMapper:
         again = moved | in_reach(places, reach, changed)
         again[scan[: len(self._pivots)][pivots[: len(self._pivots)] != self._pivots]] = True
         self._barriers, self._pivots = barriers, pivots
-        return np.flatnonzero(again)
+        return np.flatnonzero(again).tolist()
+
+    def _cut(self, again: list[int], looks: Sequence[Look], real: Mask, barriers: Array) -> Array:
+        """How far these scans are clear before barriers, and before the continuations of their own real walls; a row
+        for each, shape (n, BINS), [m]."""
+        if not again:
+            return np.zeros((0, BINS))
+        first = np.cumsum([0, *(len(look.walls) for look in looks)])
+        own = [self._placed[i].continuations[real[first[i] : first[i + 1]]] for i in again]
+        poses = np.array([(p.x, p.y, p.heading) for p in (self._placed[i].pose for i in again)])
+        clear = np.array([looks[i].clear_m for i in again])
+        ends = np.cumsum([0, *map(len, own)])
+        return cut_all_at_walls(poses, clear, barriers, np.concatenate(own), ends, self._config.wall_margin_m)
 
     def _covering(self, poses: Sequence[Pose]) -> GridFrame:
         xy = np.array([(p.x, p.y) for p in poses])

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.compiled import kernel
+from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States
 
 Counts = NDArray[np.int32]
+_HAIR_M = 1e-6  # more than rounding can do to a distance along a ray that all but runs along a wall
 _HAIR_M2 = 1e-9  # nearer than this to the square of a limit the exact distance decides
 _RIM = 0.01  # nearer than this share of a sector of 1 degree to its rim the exact angle decides
 
@@ -27,10 +29,19 @@ def cut_at_walls(
         barriers, own: segments in the map frame, shape (k, 4), [m].
         margin_m: how far before a barrier to stop, [m].
     """
+    return cut_all_at_walls(
+        np.array([[x, y, heading]]), clear_m[None], barriers, own, np.array([0, len(own)]), margin_m
+    )[0]
+
+
+def cut_all_at_walls(
+    poses: Array, clear_m: Array, barriers: Array, own: Array, first: NDArray[np.int64], margin_m: float
+) -> Array:
+    """The same for many scans: poses x y [m] heading [rad], shape (k, 3), directions (k, n); own segments of scan i
+    are `own[first[i]:first[i + 1]]`."""
     out = clear_m.copy()
-    _cut(x, y, heading, out, barriers, margin_m)
-    _cut(x, y, heading, out, own, margin_m)
-    return np.maximum(out, 0.0)
+    _cut_all(poses, out, barriers, own, first, margin_m)
+    return out
 
 
 def in_reach(places: Array, reach_m: Array, segments: Array) -> Mask:
@@ -41,12 +52,12 @@ def in_reach(places: Array, reach_m: Array, segments: Array) -> Mask:
 class Sectors:
     """How many scans have cleared each cell, and where the body has been.
 
-    A scan that moved or was cut anew is taken off and put on again, and with it the way driven since.
+    Each scan keeps the sector of every cell near it: where it is cut anew, only cells of changed sectors are looked at.
     """
 
     def __init__(self) -> None:
         self._frame: GridFrame | None = None
-        self._put: list[tuple[Pose, Array]] = []
+        self._put: list[_Put] = []
         self._trails: list[tuple[Pose, Array]] = []
         self.cleared: Counts = np.zeros((0, 0), dtype=np.int32)
         """By any reading, shape (rows, columns)."""
@@ -62,23 +73,34 @@ class Sectors:
         for name in ("cleared", "core", "_body"):
             grown = np.zeros(frame.shape, dtype=np.int32)
             if old is not None:
-                row = round((old.y0 - frame.y0) / frame.resolution_m)
-                column = round((old.x0 - frame.x0) / frame.resolution_m)
+                row, column = _offset(old, frame)
                 grown[row : row + old.shape[0], column : column + old.shape[1]] = getattr(self, name)
             setattr(self, name, grown)
+        if old is not None:
+            row, column = _offset(old, frame)
+            self._put = [replace(put, row=put.row + row, column=put.column + column) for put in self._put]
 
     def put(self, index: int, pose: Pose, clear_m: Array, core_m: Array) -> None:
         """What a scan clears by direction, shape (n,) both, [m]; replaces what it cleared before."""
-        clear = np.stack([clear_m, core_m])
-        nothing = np.full_like(clear, -1.0)
-        if index == len(self._put):
-            self._put.append((pose, nothing))
-        place, before = self._put[index]
-        if place != pose:
-            self._mark(place, before, nothing)
-            before = nothing
-        self._mark(pose, before, clear)
-        self._put[index] = (pose, clear)
+        after = np.array([clear_m, core_m])
+        put = self._put[index] if index < len(self._put) else None
+        if put is not None and put.pose == pose and self._change(put, after):
+            return
+        if put is not None:
+            self._change(put, np.full_like(after, -1.0))
+        at, reach = (*self._at, pose.x, pose.y), float(after.max())
+        sectors, row, column = _sectors_of_cells(*self.cleared.shape, *at, pose.heading, reach, len(clear_m))
+        put = _Put(pose, reach, np.full_like(after, -1.0), sectors, row, column)
+        self._change(put, after)
+        self._put[index : index + 1] = [put]
+
+    def _change(self, put: _Put, after: Array) -> bool:
+        """Count what `after` clears, take off what was cleared before; False, and nothing, beyond the window."""
+        at = (*self._at, put.pose.x, put.pose.y, put.row, put.column)
+        done: bool = _change(self.cleared, self.core, *at, put.reach_m, put.sectors, put.clear_m, after)
+        if done:
+            put.clear_m = after
+        return done
 
     def trail(self, index: int, pose: Pose, points: Array, radius_m: float) -> None:
         """Where the body has been since a scan, shape (n, 2), in that scan's frame, [m]; `points` only ever grow."""
@@ -114,8 +136,26 @@ class Sectors:
         assert self._frame is not None
         return self._frame.x0, self._frame.y0, self._frame.resolution_m
 
-    def _mark(self, pose: Pose, before: Array, after: Array) -> None:
-        _mark(self.cleared, self.core, *self._at, pose.x, pose.y, pose.heading, before, after)
+
+@dataclass(eq=False)
+class _Put:
+    """What one scan clears."""
+
+    pose: Pose
+    reach_m: float
+    """How far the window reaches, [m]."""
+    clear_m: Array
+    """By any reading and for certain, shape (2, n), [m]; -1 clears nothing."""
+    sectors: NDArray[np.uint16]
+    """Of each cell in a window of the grid, n beyond its reach; shape (rows, columns)."""
+    row: int
+    """Of the grid, where the window begins."""
+    column: int
+
+
+def _offset(old: GridFrame, new: GridFrame) -> tuple[int, int]:
+    """Row and column of the old frame's first cell in the new one."""
+    return round((old.y0 - new.y0) / new.resolution_m), round((old.x0 - new.x0) / new.resolution_m)
 
 
 def mark_segments(frame: GridFrame, evidence: Array, segments: Array, weight: float) -> None:
@@ -156,7 +196,17 @@ def _mark_segments(evidence, x0, y0, resolution, segments, weight):  # type: ign
                 evidence[row, column] += weight
 
 
-@kernel
+@inner_kernel
+def _cut_all(poses, clear, barriers, own, first, margin):  # type: ignore[no-untyped-def]
+    for i in range(len(poses)):
+        x, y, heading = poses[i]
+        _cut(x, y, heading, clear[i], barriers, margin)
+        _cut(x, y, heading, clear[i], own[first[i] : first[i + 1]], margin)
+        for b in range(clear.shape[1]):
+            clear[i, b] = max(clear[i, b], 0.0)
+
+
+@inner_kernel
 def _cut(x, y, heading, clear, segments, margin):  # type: ignore[no-untyped-def]
     n = len(clear)
     reach = 0.0
@@ -172,8 +222,10 @@ def _cut(x, y, heading, clear, segments, margin):  # type: ignore[no-untyped-def
             continue
         t = min(1.0, max(0.0, -(ax * ex + ay * ey) / length2))
         px, py = ax + t * ex, ay + t * ey
-        if px * px + py * py > reach * reach + _HAIR_M2 or math.hypot(px, py) > reach:
+        square = px * px + py * py
+        if square > reach * reach + _HAIR_M2 or math.hypot(px, py) > reach:
             continue
+        nearest = math.sqrt(square) - margin - _HAIR_M  # no direction is cut shorter than this
         start = (math.atan2(ay, ax) - heading) / (2.0 * math.pi) * n
         turn = math.atan2(ax * by - ay * bx, ax * bx + ay * by) / (2.0 * math.pi) * n
         if turn < 0.0:
@@ -181,6 +233,8 @@ def _cut(x, y, heading, clear, segments, margin):  # type: ignore[no-untyped-def
             turn = -turn
         # sectors whose middle ray meets the segment, and the ones that hold its ends
         for b in range(int(math.floor(start)), int(math.floor(start + turn)) + 1):
+            if clear[b % n] < nearest:
+                continue
             middle = (b + 0.5) / n * 2.0 * math.pi + heading
             c, s = math.cos(middle), math.sin(middle)
             denominator = c * ey - s * ex
@@ -209,35 +263,23 @@ def _in_reach(places, reach, segments):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _mark(cleared, core, x0, y0, resolution, x, y, heading, before, after):  # type: ignore[no-untyped-def]
-    """Count what `after` clears and take off what `before` did; rows 0 for `cleared`, 1 for `core`, shape (2, n).
+def _sectors_of_cells(rows, columns, x0, y0, resolution, x, y, heading, reach, n):  # type: ignore[no-untyped-def]
+    """Which of n sectors about a pose each cell near it lies in, n beyond its reach, in a window of the grid.
 
-    -1 clears nothing. Most cells get their sector from an approximate angle; near the rim of a sector the exact one
-    decides, so that the counts are those of `atan2` and `hypot`.
+    Most cells get their sector from an approximate angle; near the rim of a sector `atan2` decides. Returns the
+    window, and its first row and column.
     """
-    n = before.shape[1]
-    rows, columns = cleared.shape
-    reach = 0.0
-    squares = np.empty((4, n))
-    for layer in range(2):
-        for b in range(n):
-            low, high = before[layer, b], after[layer, b]
-            squares[2 * layer, b], squares[2 * layer + 1, b] = low * abs(low), high * abs(high)
-            if low != high:
-                reach = max(reach, low, high)
-    if reach <= 0.0:
-        return
     per_rad = n / (2.0 * math.pi)
     ahead = heading * per_rad
     ahead -= n * math.floor(ahead / n)
     farthest = reach * reach + _HAIR_M2
     r0 = max(0, int(math.floor((y - reach - y0) / resolution)))
     r1 = min(rows - 1, int(math.floor((y + reach - y0) / resolution)))
+    c0 = max(0, int(math.floor((x - reach - x0) / resolution)))
+    c1 = min(columns - 1, int(math.floor((x + reach - x0) / resolution)))
+    sectors = np.full((r1 - r0 + 1, c1 - c0 + 1), n, dtype=np.uint16)
     for row in range(r0, r1 + 1):
         dy = y0 + (row + 0.5) * resolution - y
-        half = math.sqrt(max(0.0, farthest - dy * dy)) + resolution
-        c0 = max(0, int(math.floor((x - half - x0) / resolution)))
-        c1 = min(columns - 1, int(math.floor((x + half - x0) / resolution)))
         for column in range(c0, c1 + 1):
             dx = x0 + (column + 0.5) * resolution - x
             square = dx * dx + dy * dy
@@ -251,12 +293,41 @@ def _mark(cleared, core, x0, y0, resolution, x, y, heading, before, after):  # t
             b = int(u)
             if u - b < _RIM or u - b > 1.0 - _RIM or square < _HAIR_M2:
                 b = int(math.floor((math.atan2(dy, dx) - heading) / (2.0 * math.pi) * n)) % n
-            cleared[row, column] += _within(dx, dy, square, after[0, b], squares[1, b]) - _within(
+            sectors[row - r0, column - c0] = b
+    return sectors, r0, c0
+
+
+@kernel
+def _change(cleared, core, x0, y0, resolution, x, y, row, column, reach, sectors, before, after):  # type: ignore[no-untyped-def]
+    """Count cells whose middle lies within `after` of their sector, less those within `before`, shape (2, n) both."""
+    n = before.shape[1]
+    farthest = 0.0
+    for b in range(n):
+        farthest = max(farthest, after[0, b], after[1, b])
+    if farthest > reach:
+        return False
+    changed = np.zeros(n + 1, dtype=np.bool_)
+    squares = np.empty((4, n))
+    for b in range(n):
+        changed[b] = before[0, b] != after[0, b] or before[1, b] != after[1, b]
+        for layer in range(2):
+            low, high = before[layer, b], after[layer, b]
+            squares[2 * layer, b], squares[2 * layer + 1, b] = low * abs(low), high * abs(high)
+    for r in range(sectors.shape[0]):
+        dy = y0 + (row + r + 0.5) * resolution - y
+        for c in range(sectors.shape[1]):
+            b = sectors[r, c]
+            if not changed[b]:
+                continue
+            dx = x0 + (column + c + 0.5) * resolution - x
+            square = dx * dx + dy * dy
+            cleared[row + r, column + c] += _within(dx, dy, square, after[0, b], squares[1, b]) - _within(
                 dx, dy, square, before[0, b], squares[0, b]
             )
-            core[row, column] += _within(dx, dy, square, after[1, b], squares[3, b]) - _within(
+            core[row + r, column + c] += _within(dx, dy, square, after[1, b], squares[3, b]) - _within(
                 dx, dy, square, before[1, b], squares[2, b]
             )
+    return True
 
 
 @kernel
