@@ -88,8 +88,12 @@ class Sectors:
             return
         if put is not None:
             self._change(put, np.full_like(after, -1.0))
-        at, reach = (*self._at, pose.x, pose.y), float(after.max())
-        sectors, row, column = _sectors_of_cells(*self.cleared.shape, *at, pose.heading, reach, len(clear_m))
+        rows, columns = self.cleared.shape
+        x0, y0, resolution = self._at
+        reach = float(after.max())
+        sectors, row, column = _sectors_of_cells(
+            rows, columns, x0, y0, resolution, pose.x, pose.y, pose.heading, reach, len(clear_m)
+        )
         put = _Put(pose, reach, np.full_like(after, -1.0), sectors, row, column)
         self._change(put, after)
         self._put[index : index + 1] = [put]

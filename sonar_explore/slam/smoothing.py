@@ -19,12 +19,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import sparse
+from numpy.typing import NDArray
 from scipy.sparse.linalg import SuperLU, splu
 
 from sonar_explore.geometry import Array, Pose, wrap_angle
 from sonar_explore.slam.agreement import TurnError
 from sonar_explore.slam.motion import Motion
+from sonar_explore.slam.normal_equations import normal_equations
 
 Robust = Callable[[Array], Array]
 """Weights of squared residuals, in sigmas."""
@@ -83,6 +84,7 @@ class Smoother:
         self._motions: list[tuple[Array, Array, Array, Array]] = []
         """What whitens each motion, its change, its derivatives by the wheels and by the own turn."""
         self._sightings: list[Sighting] = []
+        self._stacked: tuple[Array, ...] = ()
         self._factor: SuperLU | None = None
 
     def add_scan(self, pose: Pose, motion: Motion | None, turn: TurnError | None = None) -> None:
@@ -150,41 +152,47 @@ class Smoother:
 
     def _step(self, sightings: _Stack, lines: Array, robust: Robust) -> Array:
         size = 4 * len(self.poses) + 2 * len(lines) + 3
-        blocks = [self._anchor(size), self._own_turns(size), self._odometry(size)]
+        blocks = [self._anchor(size), *self._own_turns(size)]
+        if self._motions:
+            blocks.append(self._odometry(size))
         if len(sightings.scan):
-            blocks.append(self._sighted(sightings, lines, size, robust))
-        jacobian = sparse.vstack([b[0] for b in blocks]).tocsc()
-        residual = np.concatenate([b[1] for b in blocks])
-        self._factor = splu((jacobian.T @ jacobian).tocsc())
-        return np.asarray(self._factor.solve(-(jacobian.T @ residual)))
+            blocks += self._sighted(sightings, lines, size, robust)
+        widths = np.concatenate([np.full(len(b.columns), b.columns.shape[1]) for b in blocks])
+        normal, slope = normal_equations(
+            np.concatenate([[0], np.cumsum(widths)]),
+            np.concatenate([b.columns.ravel() for b in blocks]),
+            np.concatenate([b.values.ravel() for b in blocks]),
+            np.concatenate([b.residual for b in blocks]),
+            size,
+        )
+        self._factor = splu(normal)
+        return np.asarray(self._factor.solve(-slope))
 
-    def _anchor(self, size: int) -> tuple[sparse.csr_matrix, Array]:
+    def _anchor(self, size: int) -> _Rows:
         """The first scan stands at the start; wheels and temperature are about right."""
         weight = np.concatenate([np.full(3, 1e4), 1.0 / self._constant_sigmas])
         columns = np.array([0, 1, 2, size - 3, size - 2, size - 1])
         start = np.array([self._start.x, self._start.y, self._start.heading])
         off = np.concatenate([self.poses[0] - start, self.constants])
-        return sparse.csr_matrix((weight, (np.arange(6), columns)), shape=(6, size)), weight * off
+        return _Rows(columns[:, None], weight[:, None], weight * off)
 
-    def _own_turns(self, size: int) -> tuple[sparse.csr_matrix, Array]:
+    def _own_turns(self, size: int) -> tuple[_Rows, _Rows]:
         """Every scan's turn is about as the wheels turn, and about as its discs say."""
-        n, m = len(self.poses), len(self._turns)
+        n = len(self.poses)
         loose = math.tau / self._config.turn_rad
         scans = np.array([scan for scan, _ in self._turns], dtype=np.intp)
         heard = np.array([turn.relative for _, turn in self._turns])
         weight = np.array([1.0 / turn.sigma for _, turn in self._turns])
-        rows = np.concatenate([np.arange(n), n + np.arange(m), n + np.arange(m)])
-        columns = np.concatenate([3 * n + np.arange(n), 3 * n + scans, np.full(m, size - 3)])
-        values = np.concatenate([np.full(n, loose), weight, weight])
         off = weight * (self.constants[0] + self.own[scans] - heard)
-        jacobian = sparse.csr_matrix((values, (rows, columns)), shape=(n + m, size))
-        return jacobian, np.concatenate([loose * self.own, off])
+        columns = np.column_stack([3 * n + scans, np.full(len(scans), size - 3)])
+        return (
+            _Rows(3 * n + np.arange(n)[:, None], np.full((n, 1), loose), loose * self.own),
+            _Rows(columns, np.column_stack([weight, weight]), off),
+        )
 
-    def _odometry(self, size: int) -> tuple[sparse.csr_matrix, Array]:
+    def _odometry(self, size: int) -> _Rows:
         m = len(self._motions)
-        if not m:
-            return sparse.csr_matrix((0, size)), np.zeros(0)
-        white, change, by_wheels, by_own = (np.stack(parts) for parts in zip(*self._motions, strict=True))
+        white, change, by_wheels, by_own = self._stacked_motions()
         here, there = self.poses[:m], self.poses[1 : m + 1]
         c, s = np.cos(here[:, 2]), np.sin(here[:, 2])
         back = np.zeros((m, 3, 3))
@@ -199,13 +207,14 @@ class Smoother:
         columns[:, :, :6] = (3 * np.arange(m)[:, None] + np.arange(6))[:, None, :]
         columns[:, :, 6] = (3 * len(self.poses) + np.arange(m))[:, None]
         columns[:, :, 7:] = size - 3, size - 2
-        starts = 9 * np.arange(3 * m + 1)
-        matrix = sparse.csr_matrix((jacobian.ravel(), columns.ravel(), starts), shape=(3 * m, size))
-        return matrix, residual.ravel()
+        return _Rows(columns.reshape(-1, 9), jacobian.reshape(-1, 9), residual.ravel())
 
-    def _sighted(
-        self, stack: _Stack, lines: Array, size: int, robust: Robust
-    ) -> tuple[sparse.csr_matrix, Array]:
+    def _stacked_motions(self) -> tuple[Array, ...]:
+        if len(self._stacked) != 4 or len(self._stacked[0]) != len(self._motions):
+            self._stacked = tuple(np.stack(parts) for parts in zip(*self._motions, strict=True))
+        return self._stacked
+
+    def _sighted(self, stack: _Stack, lines: Array, size: int, robust: Robust) -> tuple[_Rows, _Rows]:
         x, y, heading = self.poses[stack.scan].T
         angle, distance = lines[stack.line].T
         normal = heading + stack.bearing + stack.sweep * (self.constants[0] + self.own[stack.scan])
@@ -218,16 +227,32 @@ class Smoother:
         u, v = weight * stack.sure, side * weight / sigma
         n = len(stack.scan)
         pose, line = 3 * stack.scan, 4 * len(self.poses) + 2 * stack.line
-        own = 3 * len(self.poses) + stack.scan
-        first, second = np.arange(n), np.arange(n, 2 * n)
-        turn_error, scale = np.full(n, size - 3), np.full(n, size - 1)
-        rows = np.concatenate([np.tile(first, 4), np.tile(second, 5)])
-        columns = np.concatenate([pose + 2, line, own, turn_error, pose, pose + 1, line, line + 1, scale])
-        turned = u * stack.sweep
-        longer = -weight * stack.range / sigma
-        values = np.concatenate([u, -u, turned, turned, -v * c, -v * s, v * (x * s - y * c), v, longer])
-        jacobian = sparse.csr_matrix((values, (rows, columns)), shape=(2 * n, size))
-        return jacobian, np.concatenate([weight * turn, weight * gap])
+        own, turn_error, scale = 3 * len(self.poses) + stack.scan, np.full(n, size - 3), np.full(n, size - 1)
+        turned, longer = u * stack.sweep, -weight * stack.range / sigma
+        return (
+            _Rows(
+                np.column_stack([pose + 2, line, own, turn_error]),
+                np.column_stack([u, -u, turned, turned]),
+                weight * turn,
+            ),
+            _Rows(
+                np.column_stack([pose, pose + 1, line, line + 1, scale]),
+                np.column_stack([-v * c, -v * s, v * (x * s - y * c), v, longer]),
+                weight * gap,
+            ),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Rows of the Jacobian that have equally many entries, and their residuals."""
+
+    columns: NDArray[np.intp]
+    """Shape (rows, entries)."""
+    values: Array
+    """Shape (rows, entries)."""
+    residual: Array
+    """Shape (rows,)."""
 
 
 @dataclass(frozen=True, eq=False)
