@@ -42,7 +42,7 @@ NOT_IN_A_NAME = "?&=:/\\"
     type=click.Choice(("turn", "ring")),
     default="turn",
     show_default=True,
-    help="A full turn with one sonar, or a short one with all.",
+    help="A full turn on the spot, or one of 70 degrees.",
 )
 @click.option(
     "--sensor",

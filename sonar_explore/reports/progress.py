@@ -19,7 +19,7 @@ from sonar_explore.episodes.record import StepRecord, Summary
 def live_line() -> Iterator[Callable[[StepRecord], None]]:
     """A spinner on stderr; call what it gives with each step."""
     console = Console(stderr=True, highlight=False)
-    with console.status("starting") as status:
+    with console.status("starting; the first run of all compiles for half a minute") as status:
         yield lambda step: status.update(Text(step_line(step)))
 
 
