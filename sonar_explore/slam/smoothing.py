@@ -47,7 +47,11 @@ class SmoothingConfig:
     range_scale: float = 0.005
     """Of all ranges together, relative: 3 K more or less than assumed change the speed of sound by as much."""
     iterations: int = 6
-    """Gauss-Newton steps a scan: the first half with Huber's loss, the rest with Cauchy's."""
+    """Gauss-Newton steps a scan at most, with Cauchy's loss; after a merge half as many with Huber's come first."""
+    still_m: float = 0.002
+    """A step that moves no scan farther is the last, [m]."""
+    still_rad: float = 0.001
+    """Nor turns any by more, [rad]."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,8 @@ class Smoother:
         """What whitens each motion, its change, its derivatives by the wheels and by the own turn."""
         self._sightings: list[Sighting] = []
         self._stacked: tuple[Array, ...] = ()
+        self._far_off = True
+        """Whether the next solution may be far from here."""
         self._factor: SuperLU | None = None
 
     def add_scan(self, pose: Pose, motion: Motion | None, turn: TurnError | None = None) -> None:
@@ -117,6 +123,7 @@ class Smoother:
         """Two chains are one wall."""
         self._sightings = [replace(s, chain=survivor) if s.chain == absorbed else s for s in self._sightings]
         self._lines.pop(absorbed, None)
+        self._far_off = True
 
     def solve(self) -> None:
         """Move poses, lines and wheels to where everything agrees best."""
@@ -124,14 +131,10 @@ class Smoother:
         column = {chain: 4 * len(self.poses) + 2 * k for k, chain in enumerate(chains)}
         sightings = _Stack.of(self._sightings, column, self._config)
         lines = np.array([self._lines[chain] for chain in chains]).reshape(-1, 2)
-        for k in range(self._config.iterations):
-            robust = _huber if 2 * k < self._config.iterations else _cauchy
-            step = self._step(sightings, lines, robust)
-            n = len(self.poses)
-            self.poses = self.poses + step[: 3 * n].reshape(n, 3)
-            self.own = self.own + step[3 * n : 4 * n]
-            lines = lines + step[4 * n : -3].reshape(-1, 2)
-            self.constants = self.constants + step[-3:]
+        if self._far_off:
+            lines = self._converged(sightings, lines, _huber, self._config.iterations // 2)
+        lines = self._converged(sightings, lines, _cauchy, self._config.iterations)
+        self._far_off = False
         self._lines = dict(zip(chains, lines, strict=True))
         self._column = column
 
@@ -150,6 +153,20 @@ class Smoother:
         variance = np.einsum("nk,nk->k", ask, self._factor.solve(ask))
         return math.sqrt(max(0.0, variance[0])), math.sqrt(max(0.0, variance[1]))
 
+    def _converged(self, sightings: _Stack, lines: Array, robust: Robust, steps: int) -> Array:
+        """Gauss-Newton until the poses stand still; the lines then."""
+        n, config = len(self.poses), self._config
+        for _ in range(steps):
+            step = self._step(sightings, lines, robust)
+            moved = step[: 3 * n].reshape(n, 3)
+            self.poses = self.poses + moved
+            self.own = self.own + step[3 * n : 4 * n]
+            lines = lines + step[4 * n : -3].reshape(-1, 2)
+            self.constants = self.constants + step[-3:]
+            if (np.abs(moved) <= (config.still_m, config.still_m, config.still_rad)).all():
+                break
+        return lines
+
     def _step(self, sightings: _Stack, lines: Array, robust: Robust) -> Array:
         size = 4 * len(self.poses) + 2 * len(lines) + 3
         blocks = [self._anchor(size), *self._own_turns(size)]
@@ -165,7 +182,9 @@ class Smoother:
             np.concatenate([b.residual for b in blocks]),
             size,
         )
-        self._factor = splu(normal)
+        self._factor = splu(  # symmetric and positive: no pivots, an order that keeps it sparse
+            normal, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
         return np.asarray(self._factor.solve(-slope))
 
     def _anchor(self, size: int) -> _Rows:
