@@ -14,8 +14,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sonar_explore.envs import world as worlds
-from sonar_explore.envs.readers.svg import parse_transform
 from sonar_explore.envs.readers.svg_path import flatten, parse_path
+from sonar_explore.envs.readers.svg_transform import parse_transform
 from sonar_explore.envs.readers.toml_world import world_schema
 from sonar_explore.envs.survey import survey
 from sonar_explore.envs.world import World, load_world

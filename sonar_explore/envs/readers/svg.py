@@ -10,56 +10,33 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from xml.parsers import expat
 
 import numpy as np
 
 from sonar_explore.envs.readers.lines import world_of_lines
+from sonar_explore.envs.readers.svg_elements import (
+    LENGTH,
+    MAX_ELEMENTS,
+    METRES,
+    USER_UNITS,
+    Element,
+    length,
+    parse_xml,
+)
 from sonar_explore.envs.readers.svg_path import Curve, PathSyntaxError, arc, flatten, parse_path
+from sonar_explore.envs.readers.svg_transform import parse_transform, translation
 from sonar_explore.envs.validation import MAX_CYLINDERS, MAX_WALLS
 from sonar_explore.envs.world import ReadOptions, World, read_bytes
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, Pose
 
 MAX_BYTES = 4 * 2**20
-MAX_ELEMENTS = 20_000
-MAX_DEPTH = 64
-MAX_ENTITY = 200
-"""Characters; some editors write the addresses of their namespaces as entities."""
 START_ID = "start"
 
-_METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
-_USER_UNITS = {"": 1.0, "px": 1.0, "pt": 96 / 72, "pc": 16.0} | {
-    k: m * 96 / 0.0254 for k, m in _METRES.items()
-}
 _UNDRAWN = {"defs", "symbol", "clipPath", "mask", "pattern", "marker", "metadata", "title", "desc", "style"}
-_LENGTH = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(px|pt|pc|mm|cm|m|in|)\s*")
-_TRANSFORM = re.compile(r"[\s,]*(matrix|translate|scale|rotate|skewX|skewY)\s*\(([^()]*)\)[\s,]*")
-
-
-@dataclass
-class Element:
-    """A tag without its namespace, its attributes, and what it holds."""
-
-    tag: str
-    attributes: dict[str, str]
-    children: list[Element] = field(default_factory=list)
-
-    def number(self, name: str, default: float = 0.0) -> float:
-        """An attribute that is a length, in user units."""
-        text = self.attributes.get(name, "")
-        if not text.strip():
-            return default
-        return _length(text, _USER_UNITS, f"{name} of <{self.tag}>")
-
-    @property
-    def hidden(self) -> bool:
-        """Whether its own attributes take it, and all inside it, out of the drawing."""
-        style = self.attributes.get("style", "").replace(" ", "")
-        return self.attributes.get("display") == "none" or "display:none" in style
 
 
 @dataclass
@@ -91,59 +68,19 @@ def read_svg(path: Path, options: ReadOptions) -> World:
     return world_of_lines(path, f"Drawing {path.name}", np.concatenate(drawing.walls), cylinders, start)
 
 
-def parse_xml(path: Path, data: bytes) -> Element:
-    """The elements of an XML file; entities that could grow, and depth without end, are refused."""
-    root = Element("", {})
-    open_elements, count = [root], 0
-
-    def begin(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal count
-        count += 1
-        if count > MAX_ELEMENTS or len(open_elements) > MAX_DEPTH:
-            raise ValueError(f"more than {MAX_ELEMENTS} elements, or nested deeper than {MAX_DEPTH}")
-        element = Element(_local(tag), {_local(key): value for key, value in attributes.items()})
-        open_elements[-1].children.append(element)
-        open_elements.append(element)
-
-    def entity(name: str, _: bool, value: str | None, *__: str | None) -> None:
-        if value is None or len(value) > MAX_ENTITY or "&" in value:
-            raise ValueError(f"the entity {name[:40]!r} is refused")
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = begin
-    parser.EndElementHandler = lambda _: open_elements.pop()
-    parser.EntityDeclHandler = entity
-    try:
-        parser.Parse(data, True)
-    except (expat.ExpatError, ValueError, LookupError) as error:
-        raise SonarExploreError(f"{path.name}: {' '.join(str(error).split())}") from None
-    return root.children[0]
-
-
-def _local(name: str) -> str:
-    return name.rpartition(":")[2]
-
-
-def _length(text: str, units: dict[str, float], what: str) -> float:
-    match = _LENGTH.fullmatch(text)
-    if match is None or abs(value := float(match.group(1)) * units[match.group(2)]) > 1e9:
-        raise ValueError(f"{what} is no length: {text[:40]!r}")
-    return value
-
-
 def _page_to_metres(root: Element, metres_per_unit: float | None) -> Array:
     """The matrix (3, 3) from the user units of the root to metres, y up, the page's lower left corner at 0."""
     width, height = root.attributes.get("width", ""), root.attributes.get("height", "")
     box = [float(n) for n in re.split(r"[\s,]+", root.attributes.get("viewBox", "").strip()) if n]
     if len(box) != 4:
-        size = [_length(t, _USER_UNITS, "the page") if _LENGTH.fullmatch(t) else 0.0 for t in (width, height)]
+        size = [length(t, USER_UNITS, "the page") if LENGTH.fullmatch(t) else 0.0 for t in (width, height)]
         box = [0.0, 0.0, *size]
     said = root.attributes.get("data-metres-per-unit", "")
-    match = _LENGTH.fullmatch(width)
+    match = LENGTH.fullmatch(width)
     if metres_per_unit is None and said:
         metres_per_unit = float(said)
-    elif metres_per_unit is None and match and match.group(2) in _METRES and box[2] > 0.0:
-        metres_per_unit = float(match.group(1)) * _METRES[match.group(2)] / box[2]
+    elif metres_per_unit is None and match and match.group(2) in METRES and box[2] > 0.0:
+        metres_per_unit = float(match.group(1)) * METRES[match.group(2)] / box[2]
     if metres_per_unit is None:
         raise ValueError(
             'no scale: give <svg> data-metres-per-unit="0.01" or a width in mm, cm or m, '
@@ -176,7 +113,7 @@ def _drawn(root: Element, page: Array) -> Iterator[tuple[Element, Array]]:
         if element.tag == "use" and cloned < 8:
             original = named.get(element.attributes.get("href", "").removeprefix("#"))
             if original is not None:
-                shift = _translation(element.number("x"), element.number("y"))
+                shift = translation(element.number("x"), element.number("y"))
                 pending.append((original, matrix @ shift, cloned + 1))
 
 
@@ -186,53 +123,6 @@ def _all(root: Element) -> Iterator[Element]:
         element = pending.pop()
         yield element
         pending += element.children
-
-
-def parse_transform(text: str) -> Array:
-    """The matrix (3, 3) of a `transform` attribute."""
-    matrix, at = np.eye(3), 0
-    while at < len(text):
-        match = _TRANSFORM.match(text, at)
-        if match is None:
-            if not text[at:].strip(" ,\t\r\n"):
-                break
-            raise ValueError(f"no transform: {text[at : at + 40]!r}")
-        at = match.end()
-        try:
-            numbers = [float(n) for n in re.split(r"[\s,]+", match.group(2).strip())]
-            matrix = matrix @ _MATRICES[match.group(1)](*numbers)
-        except (ValueError, TypeError):
-            raise ValueError(f"no transform: {match.group()[:40]!r}") from None
-    if not np.isfinite(matrix).all() or np.abs(matrix).max() > 1e9:
-        raise ValueError(f"a transform out of all measure: {text[:40]!r}")
-    return matrix
-
-
-def _matrix(a: float, b: float, c: float, d: float, e: float, f: float) -> Array:
-    return np.array([[a, c, e], [b, d, f], [0.0, 0.0, 1.0]])
-
-
-def _translation(x: float, y: float = 0.0) -> Array:
-    return _matrix(1, 0, 0, 1, x, y)
-
-
-def _scale(x: float, y: float | None = None) -> Array:
-    return _matrix(x, 0, 0, x if y is None else y, 0, 0)
-
-
-def _rotation(degrees: float, x: float = 0.0, y: float = 0.0) -> Array:
-    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-    return np.asarray(_translation(x, y) @ _matrix(c, s, -s, c, 0, 0) @ _translation(-x, -y))
-
-
-_MATRICES: dict[str, Callable[..., Array]] = {
-    "matrix": _matrix,
-    "translate": _translation,
-    "scale": _scale,
-    "rotate": _rotation,
-    "skewX": lambda degrees: _matrix(1, 0, math.tan(math.radians(degrees)), 1, 0, 0),
-    "skewY": lambda degrees: _matrix(1, math.tan(math.radians(degrees)), 0, 1, 0, 0),
-}
 
 
 def _add(drawing: _Drawing, element: Element, matrix: Array) -> None:
