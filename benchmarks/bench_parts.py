@@ -35,7 +35,7 @@ def bench_scan(benchmark, figure, walls):
         echoes(scene, turn, physics)
     benchmark.pedantic(lambda: [echoes(scene, turn, physics) for turn in turns], rounds=15)
     figure(
-        f"scans in a world of {len(scene.walls)} walls: {200 / benchmark.stats.stats.median:,.0f} a second"
+        f"scans in a world of {len(scene.things.walls)} walls: {200 / benchmark.stats.stats.median:,.0f} a second"
     )
 
 

@@ -32,3 +32,11 @@ def inner_kernel(function: F) -> F:
         return function
     compiled: F = njit(cache=True, _nrt=False)(function)
     return compiled
+
+
+def inlined_kernel(function: F) -> F:
+    """An inner kernel that its callers take in whole: for those called from loops with many arrays to hand over."""
+    if njit is None:
+        return function
+    compiled: F = njit(cache=True, _nrt=False, forceinline=True)(function)
+    return compiled

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ from sonar_explore.envs.pings import (
     NOTHING,
     PLANE,
     ROUGH,
-    beam_numbers,
+    Ear,
     fire_all,
 )
 from sonar_explore.envs.scene import Scene
@@ -40,8 +39,8 @@ __all__ = [
     "PLANE",
     "ROUGH",
     "SonarPhysics",
+    "ear",
     "echoes",
-    "hearing",
     "measured",
     "measured_once",
     "temperature_scale",
@@ -87,13 +86,13 @@ def echoes(scene: Scene, discs: Array, physics: SonarPhysics) -> tuple[Array, ND
     """
     ranges = np.empty(len(discs))
     kinds = np.empty(len(discs), dtype=np.int64)
-    fire_all(*(discs, *scene.arrays, *scene.scratch, *hearing(physics), ranges, kinds))
+    fire_all(discs, scene.things, scene.index, scene.scratch, ear(physics), ranges, kinds)
     return ranges, kinds
 
 
-def hearing(physics: SonarPhysics) -> tuple[Any, ...]:
+def ear(physics: SonarPhysics) -> Ear:
     """Mirrors, what each leaves, the range and the beam, as the kernels take them."""
-    return physics.ghost_order - 1, physics.bounce_loss, physics.range_max_m, beam_numbers(physics.beam)
+    return Ear.of(physics.ghost_order - 1, physics.bounce_loss, physics.range_max_m, physics.beam)
 
 
 def measured(ranges: Array, scale: float, physics: SonarPhysics, rng: np.random.Generator) -> Array:

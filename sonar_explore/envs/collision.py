@@ -11,27 +11,25 @@ from sonar_explore.envs.scene import Scene
 
 def clearance(scene: Scene, x: float, y: float) -> float:
     """Distance from a point to the nearest wall or to the surface of the nearest column, [m]; inf far outside."""
-    walls, _, cylinders, wall_first, wall_items, _, _, cylinder_first, cylinder_items, frame = scene.arrays
-    near = (walls, cylinders, wall_first, wall_items, cylinder_first, cylinder_items, frame)
-    return float(clearance_at(x, y, near))
+    return float(clearance_at(x, y, scene.things, scene.index))
 
 
 @inner_kernel
-def clearance_at(x, y, near):  # type: ignore[no-untyped-def]
-    """`clearance` for kernels: `near` is walls, columns, both their neighbourhood indices, and the index's frame."""
-    walls, cylinders, wall_first, wall_items, cylinder_first, cylinder_items, frame = near
+def clearance_at(x, y, things, index):  # type: ignore[no-untyped-def]
+    """`clearance` for kernels."""
+    walls, cylinders = things.walls, things.cylinders
     best = math.inf
-    cell = cell_of(x, y, frame[0], frame[1], frame[2], int(frame[3]), int(frame[4]))
+    cell = cell_of(x, y, index.frame)
     if cell < 0:
         return best
-    for k in range(wall_first[cell], wall_first[cell + 1]):
-        i = wall_items[k]
+    for k in range(index.wall_first[cell], index.wall_first[cell + 1]):
+        i = index.wall_items[k]
         ax, ay = walls[i, 0], walls[i, 1]
         ex, ey = walls[i, 2] - ax, walls[i, 3] - ay
         t = ((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey)
         t = min(1.0, max(0.0, t))
         best = min(best, math.hypot(x - ax - t * ex, y - ay - t * ey))
-    for k in range(cylinder_first[cell], cylinder_first[cell + 1]):
-        i = cylinder_items[k]
+    for k in range(index.cylinder_first[cell], index.cylinder_first[cell + 1]):
+        i = index.cylinder_items[k]
         best = min(best, math.hypot(x - cylinders[i, 0], y - cylinders[i, 1]) - cylinders[i, 2])
     return best

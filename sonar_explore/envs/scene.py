@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from sonar_explore.envs.pings import CONVEX_EDGE, RIGHT_CORNER, scratch
+from sonar_explore.envs.pings import CONVEX_EDGE, RIGHT_CORNER, Index, Scratch, Things
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Array
 
@@ -28,25 +27,14 @@ _EDGE_OPENING_RAD = math.radians(200.0)
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Arrays that the ping kernels read, world frame, [m] and [rad]."""
+    """What the ping kernels read, and where they note things down."""
 
-    walls: Array
-    """x1 y1 x2 y2 roughness, shape (n, 5); walls touch at ends alone."""
-    wedges: Array
-    """x y start opening kind, shape (k, 5): seen from bearings within [start, start + opening]."""
-    cylinders: Array
-    """x y radius, shape (m, 3)."""
-    index: tuple[NDArray[np.int64], ...]
-    """Neighbourhood index of walls, wedges and cylinders: first and items of each."""
-    frame: Array
-    """Of the index: x0 y0 [m], cell size [m], rows, columns."""
-    scratch: tuple[Any, ...]
+    things: Things
+    """Walls that touch at ends alone, the wedges between them, and columns."""
+    index: Index
+    """Which of them are near what."""
+    scratch: Scratch
     """Room for the kernels to work in."""
-
-    @property
-    def arrays(self) -> tuple[Any, ...]:
-        """All of it, in the order that the kernels take."""
-        return (self.walls, self.wedges, self.cylinders, *self.index, self.frame)
 
     @staticmethod
     def of(world: World, reach_m: float, roughness: float = 0.0) -> Scene:
@@ -62,8 +50,8 @@ class Scene:
         )
         index = tuple(array for shape in shapes for array in _neighbours(cells, np.asarray(shape), reach_m))
         busiest = tuple(int(np.diff(first).max(initial=0)) for first in index[::2])
-        room = scratch((len(walls), len(wedges), len(cylinders)), busiest)
-        return Scene(walls, wedges, cylinders, index, frame, room)
+        room = Scratch.of((len(walls), len(wedges), len(cylinders)), busiest)
+        return Scene(Things(walls, wedges, cylinders), Index(*index, frame), room)
 
 
 def _cut_where_they_meet(walls: Array, roughness: Array) -> Array:

@@ -11,8 +11,8 @@ import numpy as np
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.envs.acoustics import (
     SonarPhysics,
+    ear,
     echoes,
-    hearing,
     measured,
     measured_once,
     temperature_scale,
@@ -51,9 +51,10 @@ class Simulator:
         sonar = config.sonar
         self._scene = Scene.of(world, sonar.range_max_m, sonar.roughness)
         self._hearing = (
-            *self._scene.arrays,
-            *self._scene.scratch,
-            *hearing(sonar),
+            self._scene.things,
+            self._scene.index,
+            self._scene.scratch,
+            ear(sonar),
             np.empty(1, dtype=np.int64),
         )
         self._mounts = [(disc.x, disc.y, disc.heading) for disc in config.robot.sonars]
@@ -96,7 +97,7 @@ class Simulator:
             true_forward,
             true_turn,
             robot.radius_m,
-            *self._mounts[disc],
+            self._mounts[disc],
             *self._hearing,
         )
         state = self._state.tolist()

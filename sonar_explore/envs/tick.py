@@ -6,7 +6,7 @@ import math
 
 from sonar_explore.compiled import inner_kernel
 from sonar_explore.envs.collision import clearance_at
-from sonar_explore.envs.pings import fire_all
+from sonar_explore.envs.pings import Ear, Index, Scratch, Things, fire_all
 
 TRUE, ODOMETRY, DISC, OUTCOME = range(4)
 """Rows of the state, shape (4, 3): x y heading of robot, odometry and disc [m, rad]; range [m] and touch 0/1."""
@@ -14,74 +14,27 @@ TRUE, ODOMETRY, DISC, OUTCOME = range(4)
 
 @inner_kernel
 def drive_and_fire(  # type: ignore[no-untyped-def]
-    state,
-    forward,
-    turn,
-    true_forward,
-    true_turn,
-    radius,
-    mount_x,
-    mount_y,
-    mount_heading,
-    walls,
-    wedges,
-    cylinders,
-    wall_first,
-    wall_items,
-    wedge_first,
-    wedge_items,
-    cylinder_first,
-    cylinder_items,
-    frame,
-    source,
-    ids,
-    lists,
-    mirrors,
-    loss,
-    range_max,
-    beam,
-    kinds,
+    state, forward, turn, true_forward, true_turn, radius, mount, things, index, room, ear, kinds
 ):
     """Move `state` on: the odometry records what was asked, the truth does what the wheels make of it.
 
     At a wall the wheels stall: no way forward, but the robot can turn. Then the disc mounted like this fires.
     """
+    things, index, room, ear = Things(*things), Index(*index), Scratch(*room), Ear(*ear)
     true, odometry, disc, outcome = state[TRUE], state[ODOMETRY], state[DISC], state[OUTCOME]
     x, y, heading = _arc(true[0], true[1], true[2], true_forward, true_turn)
     touching = False
     if forward != 0.0:  # a body overlaps a wall after a move that did not take it away from one
-        near = (walls, cylinders, wall_first, wall_items, cylinder_first, cylinder_items, frame)
-        gap = clearance_at(x, y, near)
-        touching = gap < radius and gap <= clearance_at(true[0], true[1], near)
+        gap = clearance_at(x, y, things, index)
+        touching = gap < radius and gap <= clearance_at(true[0], true[1], things, index)
     if touching:
         x, y, heading, forward = true[0], true[1], true[2] + true_turn, 0.0
     true[0], true[1], true[2] = x, y, heading
     odometry[0], odometry[1], odometry[2] = _arc(odometry[0], odometry[1], odometry[2], forward, turn)
     c, s = math.cos(heading), math.sin(heading)
-    disc[0], disc[1] = x + c * mount_x - s * mount_y, y + s * mount_x + c * mount_y
-    disc[2] = heading + mount_heading
-    fire_all(
-        state[DISC : DISC + 1],
-        walls,
-        wedges,
-        cylinders,
-        wall_first,
-        wall_items,
-        wedge_first,
-        wedge_items,
-        cylinder_first,
-        cylinder_items,
-        frame,
-        source,
-        ids,
-        lists,
-        mirrors,
-        loss,
-        range_max,
-        beam,
-        outcome[0:1],
-        kinds,
-    )
+    disc[0], disc[1] = x + c * mount[0] - s * mount[1], y + s * mount[0] + c * mount[1]
+    disc[2] = heading + mount[2]
+    fire_all(state[DISC : DISC + 1], things, index, room, ear, outcome[0:1], kinds)
     outcome[1] = touching
 
 

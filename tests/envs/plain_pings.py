@@ -23,7 +23,7 @@ def plain_echoes(scene, discs, physics):
     ranges = np.empty(len(discs))
     kinds = np.empty(len(discs), dtype=np.int64)
     mirrors = (physics.ghost_order - 1, physics.bounce_loss, physics.range_max_m)
-    _fire_all(*(discs, *scene.arrays, *mirrors, ranges, kinds))
+    _fire_all(*(discs, *scene.things, *scene.index, *mirrors, ranges, kinds))
     return ranges, kinds
 
 

@@ -1,0 +1,157 @@
+"""What one disc, or its image, hears of a view's sources."""
+
+from __future__ import annotations
+
+import math
+
+from sonar_explore.compiled import inlined_kernel, inner_kernel
+from sonar_explore.envs.pings.arrays import (
+    BX,
+    BY,
+    COLUMN,
+    COLUMNS_FROM,
+    COLUMNS_TO,
+    CORNER,
+    COS,
+    CYLINDER,
+    EDGE,
+    LOUD,
+    MUTE,
+    NEAREST,
+    NONE,
+    NOTHING,
+    OPENS,
+    PLANE,
+    RIGHT_CORNER,
+    ROUGH,
+    ROUGH_WALL,
+    WALL,
+    WALLS_FROM,
+    WALLS_TO,
+    WEDGE,
+    WHAT,
+    WHICH,
+)
+from sonar_explore.envs.pings.geometry import crossing, is_clear
+from sonar_explore.envs.pings.views import amplitude
+
+
+@inner_kernel
+def _heard(on_axis, along, across, mute, loud, ear):  # type: ignore[no-untyped-def]
+    """Whether a source with this amplitude on the axis is above the threshold where it lies.
+
+    sin^2 <= theta^2 <= tan^2: where either already tells, no angle is computed.
+    """
+    aa, cc = across * across, along * along
+    if aa > mute * (aa + cc):
+        return False
+    if aa < loud * cc:
+        return True
+    theta = math.atan2(across, along)
+    return on_axis * math.exp(-(theta * theta) / (ear.s * ear.s)) >= ear.threshold
+
+
+@inlined_kernel
+def _echo(what, i, opens, disc, c, s, gain, best, mute, loud, things, ear):  # type: ignore[no-untyped-def]
+    """Range [m] at which q hears source i in a beam along (c, s), -1 where not or not nearer than `best`; its place."""
+    walls, wedges, cylinders, qx, qy = things.walls, things.wedges, things.cylinders, disc.qx, disc.qy
+    sx, sy, r, along, on_axis = 0.0, 0.0, -1.0, 0.0, 0.0
+    if what == WALL:
+        ax, ay = walls[i, 0], walls[i, 1]
+        ex, ey = walls[i, 2] - ax, walls[i, 3] - ay
+        t = ((qx - ax) * ex + (qy - ay) * ey) / (ex * ex + ey * ey)
+        if t < 0.0 or t > 1.0:
+            return -1.0, sx, sy
+        sx, sy = ax + t * ex, ay + t * ey
+        dx, dy = sx - qx, sy - qy
+        r = math.hypot(dx, dy)
+        along = c * dx + s * dy
+        if r <= 1e-6 or r >= best or along < ear.cos_widest * r:
+            return -1.0, sx, sy
+        on_axis = gain / r
+    elif what == ROUGH_WALL:
+        ax, ay, bx, by = walls[i, 0], walls[i, 1], walls[i, 2], walls[i, 3]
+        r = crossing(qx, qy, qx + best * c, qy + best * s, ax, ay, bx, by) * best
+        if r <= 1e-6:
+            return -1.0, sx, sy
+        ex, ey = bx - ax, by - ay
+        cos_incidence = abs(c * ey - s * ex) / math.hypot(ex, ey)
+        loud_enough = gain * walls[i, 4] * cos_incidence / r >= ear.threshold
+        return r if loud_enough else -1.0, qx + r * c, qy + r * s
+    elif what == WEDGE:
+        sx, sy = wedges[i, 0], wedges[i, 1]
+        dx, dy = sx - qx, sy - qy
+        r = math.hypot(dx, dy)
+        along = c * dx + s * dy
+        if r < 1e-6 or r >= best or along < ear.cos_widest * r:
+            return -1.0, sx, sy
+        if opens == 0 and (math.atan2(-dy, -dx) - wedges[i, 2]) % (2.0 * math.pi) > wedges[i, 3]:
+            return -1.0, sx, sy
+        on_axis = amplitude(what, r, gain, i, things, ear)
+    else:
+        dx, dy = cylinders[i, 0] - qx, cylinders[i, 1] - qy
+        centre = math.hypot(dx, dy)
+        r = centre - cylinders[i, 2]
+        along = c * dx + s * dy
+        if r < 1e-6 or r >= best or along < ear.cos_widest * centre:
+            return -1.0, sx, sy
+        sx, sy = qx + dx * r / centre, qy + dy * r / centre
+        on_axis = amplitude(what, r, gain, i, things, ear)
+    return r if _heard(on_axis, along, c * dy - s * dx, mute, loud, ear) else -1.0, sx, sy
+
+
+@inner_kernel
+def _kind(what, i, wedges):  # type: ignore[no-untyped-def]
+    if what == WEDGE:
+        return CORNER if wedges[i, 4] == RIGHT_CORNER else EDGE
+    if what == WALL:
+        return PLANE
+    return ROUGH if what == ROUGH_WALL else CYLINDER
+
+
+@inner_kernel
+def _reachable(disc, circle, sx, sy, own_wall, own_cylinder, things, near, ids, k, hiding):  # type: ignore[no-untyped-def]
+    """Whether sound comes from the disc, by way of the view's mirrors, to the source s in row k and back."""
+    walls, cylinders = things.walls, things.cylinders
+    tx, ty, skip, cylinder = sx, sy, own_wall, own_cylinder
+    mirror, ix, iy = circle.mirror_2, disc.qx, disc.qy
+    if circle.mirror_2 < 0:
+        mirror = circle.mirror_1
+    while mirror >= 0:  # from the source backwards, from mirror to mirror
+        u = crossing(ix, iy, tx, ty, walls[mirror, 0], walls[mirror, 1], walls[mirror, 2], walls[mirror, 3])
+        if u <= 0.0 or u >= 1.0:
+            return False
+        hx, hy = ix + u * (tx - ix), iy + u * (ty - iy)
+        if not is_clear(hx, hy, tx, ty, walls, cylinders, near.walls, near.cylinders, mirror, skip, cylinder):
+            return False
+        tx, ty, skip, cylinder = hx, hy, mirror, NONE
+        ix, iy = disc.q1x, disc.q1y
+        mirror = circle.mirror_1 if mirror == circle.mirror_2 else NONE
+    near_walls, near_columns = near.walls, near.cylinders
+    if circle.mirror_1 < 0 and ids[k, WALLS_FROM] >= 0:
+        if ids[k, WALLS_FROM] == ids[k, COLUMNS_TO]:
+            return True
+        near_walls = hiding[ids[k, WALLS_FROM] : ids[k, WALLS_TO]]
+        near_columns = hiding[ids[k, COLUMNS_FROM] : ids[k, COLUMNS_TO]]
+    return is_clear(
+        disc.px, disc.py, tx, ty, walls, cylinders, near_walls, near_columns, skip, NONE, cylinder
+    )
+
+
+@inner_kernel
+def nearest_source(disc, circle, range_max, things, near, source, ids, first, last, hiding, ear):  # type: ignore[no-untyped-def]
+    """Nearest of a view's sources above the threshold as the disc's last image hears it: range [m] and kind."""
+    best, kind = range_max, NOTHING
+    c, s = math.cos(disc.heading), math.sin(disc.heading)
+    for k in range(first, last):
+        if c * source[k, BX] + s * source[k, BY] < source[k, COS] or source[k, NEAREST] >= best:
+            continue
+        what, i, mute, loud = ids[k, WHAT], ids[k, WHICH], source[k, MUTE], source[k, LOUD]
+        r, sx, sy = _echo(what, i, ids[k, OPENS], disc, c, s, circle.gain, best, mute, loud, things, ear)
+        if r < 0.0:
+            continue
+        wall = i if what in (WALL, ROUGH_WALL) else NONE
+        column = i if what == COLUMN else NONE
+        if _reachable(disc, circle, sx, sy, wall, column, things, near, ids, k, hiding):
+            best, kind = r, _kind(what, i, things.wedges)
+    return best, kind

@@ -1,0 +1,131 @@
+"""All pings of a scan: discs that lie together share one view."""
+
+from __future__ import annotations
+
+import math
+
+from sonar_explore.compiled import inner_kernel
+from sonar_explore.envs.pings.arrays import (
+    HIDDEN_BY,
+    NEAR_CELLS,
+    NEAR_COLUMNS,
+    NEAR_WALLS,
+    NEAR_WEDGES,
+    NONE,
+    NOTHING,
+    SPARE,
+    TOGETHER_M,
+    WALLS_FROM,
+    Circle,
+    Disc,
+    Near,
+    cell_of,
+)
+from sonar_explore.envs.pings.direct import nearest_source
+from sonar_explore.envs.pings.ghosts import ghosts
+from sonar_explore.envs.pings.views import hidden_by, view
+
+
+@inner_kernel
+def fire_all(discs, things, index, room, ear, ranges, kinds):  # type: ignore[no-untyped-def]
+    """First echo of each disc (x, y, heading), into `ranges` and `kinds`."""
+    stop = 0
+    while stop < len(discs):
+        start = stop
+        stop, circle, n_cells = _together(discs, start, index.frame, room.lists[NEAR_CELLS])
+        for n in range(start, stop):
+            ranges[n], kinds[n] = ear.range_max, NOTHING
+        if n_cells > 0:
+            _fire_together(discs, start, stop, circle, n_cells, things, index, room, ear, ranges, kinds)
+
+
+@inner_kernel
+def _fire_together(discs, start, stop, circle, n_cells, things, index, room, ear, ranges, kinds):  # type: ignore[no-untyped-def]
+    """The same for discs that share a view: what is heard directly, and where nothing is, ghosts."""
+    source, ids, lists = room.source, room.ids, room.lists
+    near = _all_near(index, lists, n_cells)
+    seen = view(circle, things, near, source, ids, 0, ear)
+    if stop - start > 3:  # for few pings the lists do not pay
+        seen = hidden_by(circle, things, near, source, ids, seen, lists[HIDDEN_BY])
+    else:
+        for k in range(seen):
+            ids[k, WALLS_FROM] = -1
+    silent = 0
+    for n in range(start, stop):
+        px, py, heading = discs[n, 0], discs[n, 1], discs[n, 2]
+        if cell_of(px, py, index.frame) < 0:
+            continue
+        disc = Disc(px, py, px, py, px, py, heading)
+        r, k = nearest_source(
+            disc, circle, ear.range_max, things, near, source, ids, 0, seen, lists[HIDDEN_BY], ear
+        )
+        ranges[n], kinds[n] = r, k
+        silent += k == NOTHING
+    if silent and ear.mirrors > 0:
+        ghosts(discs, start, stop, circle, things, index, near, room, ear, ranges, kinds)
+
+
+@inner_kernel
+def _all_near(index, lists, n_cells):  # type: ignore[no-untyped-def]
+    """What is near any of the first cells of the list."""
+    cells, spare = lists[NEAR_CELLS], lists[SPARE]
+    walls = _near(cells, n_cells, index.wall_first, index.wall_items, lists[NEAR_WALLS], spare)
+    wedges = _near(cells, n_cells, index.wedge_first, index.wedge_items, lists[NEAR_WEDGES], spare)
+    columns = _near(cells, n_cells, index.cylinder_first, index.cylinder_items, lists[NEAR_COLUMNS], spare)
+    return Near(lists[NEAR_WALLS, :walls], lists[NEAR_WEDGES, :wedges], lists[NEAR_COLUMNS, :columns])
+
+
+@inner_kernel
+def _near(cells, n_cells, first, items, near, spare):  # type: ignore[no-untyped-def]
+    """What is near any of these cells, rising, into `near`: how many."""
+    n = 0
+    for cell in cells[:n_cells]:
+        for k in range(n):
+            spare[k] = near[k]
+        i, j, had, n = 0, first[cell], n, 0
+        while i < had or j < first[cell + 1]:
+            if j == first[cell + 1] or (i < had and spare[i] < items[j]):
+                near[n] = spare[i]
+                i += 1
+            else:
+                if i < had and spare[i] == items[j]:
+                    i += 1
+                near[n] = items[j]
+                j += 1
+            n += 1
+    return n
+
+
+@inner_kernel
+def _together(discs, start, frame, cells):  # type: ignore[no-untyped-def]
+    """The discs from `start` on that lie together: where they end, their circle, the number of cells."""
+    low_x, low_y, high_x, high_y = discs[start, 0], discs[start, 1], discs[start, 0], discs[start, 1]
+    n, stop = 0, start
+    while stop < len(discs):
+        x, y = discs[stop, 0], discs[stop, 1]
+        x0, y0, x1, y1 = min(low_x, x), min(low_y, y), max(high_x, x), max(high_y, y)
+        if x1 - x0 > TOGETHER_M or y1 - y0 > TOGETHER_M:
+            break
+        low_x, low_y, high_x, high_y = x0, y0, x1, y1
+        cell = cell_of(x, y, frame)
+        known = cell < 0
+        for k in range(n):
+            known = known or cells[k] == cell
+        if not known:
+            cells[n] = cell
+            n += 1
+        stop += 1
+    vx, vy, rho = 0.5 * (low_x + high_x), 0.5 * (low_y + high_y), 0.0
+    for k in range(start, stop):
+        rho = max(rho, (discs[k, 0] - vx) ** 2 + (discs[k, 1] - vy) ** 2)
+    return stop, Circle(vx, vy, math.sqrt(rho), 1.0, NONE, NONE), n
+
+
+@inner_kernel
+def turned_discs(x, y, headings, mount_x, mount_y, mount_heading, discs):  # type: ignore[no-untyped-def]
+    """Poses of a disc mounted on a body at (x, y) with these headings, into `discs`, shape (n, 3)."""
+    for n in range(len(headings)):
+        c, s = math.cos(headings[n]), math.sin(headings[n])
+        discs[n, 0] = x + c * mount_x - s * mount_y
+        discs[n, 1] = y + s * mount_x + c * mount_y
+        discs[n, 2] = headings[n] + mount_heading
