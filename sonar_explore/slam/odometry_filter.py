@@ -49,8 +49,8 @@ class FilterConfig:
     """The same, however many discs heard it, [rad]."""
     normal_m: float = 0.02
     """Distance between a feature and the line it belongs to, [m]."""
-    gate_sigmas: float = 3.0
-    """Associations farther off than this are not believable."""
+    gate_share: float = 0.997
+    """Of true associations are believable: angle and distance together are no farther off than expected."""
     huber_sigmas: float = 1.0
     """Associations farther off than this count less the farther they are."""
     least_heading_rad: float = math.radians(0.5)
@@ -134,27 +134,30 @@ class OdometryFilter:
         self.covariance = np.zeros((SIZE, SIZE))
         self.covariance[OWN, OWN] = own
 
-    def believable(
-        self, residuals: Residuals, angle_rad: Array | float = 0.0, distance_m: Array | float = 0.0
-    ) -> NDArray[np.bool_]:
+    def believable(self, residuals: Residuals, relative: Array | None = None) -> NDArray[np.bool_]:
         """Which associations the odometry allows, shape (n,).
 
         Args:
-            angle_rad: standard deviation of each line relative to the last scan, shape (n,), [rad].
-            distance_m: the same for the distance, shape (n,), [m].
+            relative: what the filter does not know of: covariance of the heading, and of the place along the normal,
+                relative to each line when the filter was restarted, shape (n, 2, 2), [rad] and [m].
         """
         n = len(residuals.adr_rad)
         if not self.config.enabled:
             return np.ones(n, dtype=bool)
         self._spread()
-        cfg, p = self.config, self.covariance
-        angle = np.sqrt(p[HEADING, HEADING] + self._bearing_variance(residuals) + angle_rad**2)
-        across = np.einsum("ni,ij,nj->n", residuals.normals, p[:2, :2], residuals.normals)
-        distance = np.sqrt(across + cfg.normal_m**2 + distance_m**2)
+        jacobian = np.zeros((n, 2, SIZE))
+        jacobian[:, 0, HEADING] = 1.0
+        jacobian[:, 1, :2] = residuals.normals
+        expected = jacobian @ self.covariance @ jacobian.transpose(0, 2, 1)
+        expected[:, 0, 0] += self._bearing_variance(residuals)
+        expected[:, 1, 1] += self.config.normal_m**2
+        if relative is not None:
+            expected += relative
+        off = np.stack([residuals.adr_rad, -residuals.ndr_m], axis=1)
+        squared = np.einsum("ni,ni->n", off, np.linalg.solve(expected, off[:, :, None])[:, :, 0])
         return np.asarray(
-            (np.abs(residuals.adr_rad) <= cfg.gate_sigmas * angle)
-            & (np.abs(residuals.ndr_m) <= cfg.gate_sigmas * distance)
-        )
+            squared <= -2.0 * math.log(1.0 - self.config.gate_share)
+        )  # chi-squared, two degrees
 
     def corrected(self, pose: Pose, residuals: Residuals, sweeps_rad: Array) -> Pose:
         """The pose after the kept associations: heading by ADR, position by NDR.

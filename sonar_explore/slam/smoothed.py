@@ -80,7 +80,9 @@ class SmoothedSlam(ChainSlam):
         self._filter.restart(*map(float, (*self._smoother.constants[:2], self._smoother.own[-1])))
 
     def _believable(self, associations: Sequence[Association], residuals: Residuals) -> NDArray[np.bool_]:
-        """The odometry since the last scan, and how sure its pose is relative to each chain, bound both residuals."""
-        spread = [self._smoother.uncertainty(a.chain) for a in associations]
-        angle, distance = np.array(spread, dtype=float).reshape(-1, 2).T
-        return self._filter.believable(residuals, angle, distance)
+        """By the odometry since the last scan, and by how sure that scan's pose is relative to each chain."""
+        spread = [
+            self._smoother.covariance(association.chain, self.pose, normal)
+            for association, normal in zip(associations, residuals.normals, strict=True)
+        ]
+        return self._filter.believable(residuals, np.array(spread).reshape(-1, 2, 2))

@@ -138,20 +138,29 @@ class Smoother:
         self._lines = dict(zip(chains, lines, strict=True))
         self._column = column
 
-    def uncertainty(self, chain: int) -> tuple[float, float]:
-        """Standard deviations of the last pose relative to a chain's line: angle [rad] and distance [m]."""
+    def covariance(self, chain: int, at: Pose, normal: Array) -> Array:
+        """How unsure the robot is of a chain's line: of its heading and of its place along the normal, shape (2, 2).
+
+        Relative to the line, by what the solution has of the last scan, [rad] and [m]; zero for a chain that is not in
+        the problem yet.
+
+        Args:
+            at: where the robot is now, taken as known relative to the last scan.
+            normal: of the line, shape (2,), to the side on which the place counts as ahead.
+        """
         if self._factor is None or chain not in self._column:
-            return 0.0, 0.0
+            return np.zeros((2, 2))
         n, k = 3 * (len(self.poses) - 1), self._column[chain]
         angle, _ = self._lines[chain]
-        x, y, _ = self.poses[-1]
-        size = self._factor.shape[0]
-        ask = np.zeros((size, 2))
+        c, s = math.cos(angle), math.sin(angle)
+        last_x, last_y, _ = self.poses[-1]
+        side = 1.0 if c * normal[0] + s * normal[1] >= 0.0 else -1.0
+        ask = np.zeros((self._factor.shape[0], 2))
         ask[n + 2, 0], ask[k, 0] = 1.0, -1.0
-        ask[n, 1], ask[n + 1, 1], ask[k + 1, 1] = -math.cos(angle), -math.sin(angle), 1.0
-        ask[k, 1] = x * math.sin(angle) - y * math.cos(angle)
-        variance = np.einsum("nk,nk->k", ask, self._factor.solve(ask))
-        return math.sqrt(max(0.0, variance[0])), math.sqrt(max(0.0, variance[1]))
+        ask[n, 1], ask[n + 1, 1], ask[n + 2, 1] = c, s, s * (at.x - last_x) - c * (at.y - last_y)
+        ask[k, 1], ask[k + 1, 1] = at.y * c - at.x * s, -1.0
+        ask[:, 1] *= side
+        return np.asarray(ask.T @ self._factor.solve(ask))
 
     def _converged(self, sightings: _Stack, lines: Array, robust: Robust, steps: int) -> Array:
         """Gauss-Newton until the poses stand still; the lines then."""

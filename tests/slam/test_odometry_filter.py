@@ -69,6 +69,23 @@ def test_what_is_impossible_is_gated_and_what_is_likely_is_not():
     assert not belief.believable(residuals(0.0, 0.6)).any()
 
 
+def test_the_believable_are_as_many_of_the_true_ones_as_is_said():
+    """What is off by as much as the covariance says, angle and distance together, after a drive that joins them."""
+    belief, here = OdometryFilter(ON), Pose(0.0, 0.0, 0.0)
+    for _ in range(20):
+        here = belief.moved(here, Pose(0.0, 0.0, 0.0), Pose(0.1, 0.0, 0.0))
+    belief.believable(residuals(0.0, 0.0))
+    rng, n = np.random.default_rng(0), 4000
+    off = rng.multivariate_normal(np.zeros(6), belief.covariance, n)
+    normals = np.tile([0.0, 1.0], (n, 1))
+    angle = off[:, 2] + rng.normal(0.0, math.hypot(ON.bearing_rad, ON.bearing_least_rad), n)
+    across = off[:, 1] + rng.normal(0.0, ON.normal_m, n)
+    together = belief.believable(residuals(angle, -across, normals))
+    assert together.mean() == pytest.approx(ON.gate_share, abs=0.003)
+    contrary = belief.believable(residuals(-angle, -across, normals))
+    assert contrary.mean() < 0.98
+
+
 @settings(deadline=None, max_examples=30)
 @given(st.floats(0.1, 3.0), st.floats(-3.0, 3.0))
 def test_the_farther_the_drive_the_more_is_believed(distance, heading):

@@ -177,14 +177,42 @@ def test_a_true_merge_puts_two_chains_on_one_line_and_moves_nothing():
 def test_the_pose_is_surer_of_a_chain_it_sees_than_of_none():
     poses, motions = loop(rounds=1)
     out = smoother(poses, motions, np.random.default_rng(0))
-    assert out.uncertainty(0) == (0.0, 0.0)  # nothing solved yet
+    down = np.array([0.0, -1.0])
+    assert (out.covariance(0, poses[-1], down) == 0.0).all()  # nothing solved yet
     out.solve()
-    angle, distance = out.uncertainty(2)
+    seen = out.covariance(2, poses[-1], down)
+    angle, distance = np.sqrt(np.diag(seen))
     assert 0.0 < angle < math.radians(2.0) and 0.0 < distance < 0.03
     far = poses[-1] @ Pose(1.0, 0.0, 0.0)
     out.add_scan(far, motions[0])
     out.solve()
-    assert out.uncertainty(2)[0] > angle and out.uncertainty(2)[1] > distance
+    assert (np.diag(out.covariance(2, far, down)) > np.diag(seen)).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_covariance_of_a_chain_is_that_of_what_many_noisy_drives_say(seed):
+    rng, (poses, motions) = np.random.default_rng(seed), loop(rounds=1)
+    config, ahead = SmoothingConfig(), poses[-1] @ Pose(0.8, 0.3, 0.0)
+    normal = np.array([1.0, 0.0])
+    off = []
+    for _ in range(150):
+        out = Smoother(START, config, WHEELS)
+        for i, p in enumerate(poses):
+            moved = motions[i - 1]
+            noise = rng.multivariate_normal(np.zeros(3), moved.covariance)
+            out.add_scan(p, replace(moved, change=moved.change + noise) if i else None)
+        for s in sightings(poses):
+            bearing = rng.normal(s.bearing_rad, math.hypot(config.bearing_rad, config.bearing_least_rad))
+            out.add_sighting(replace(s, bearing_rad=bearing, range_m=rng.normal(s.range_m, config.range_m)))
+        out.solve()
+        (x, y, heading), (angle, distance) = out.poses[-1], out._lines[1]
+        there = Pose(x, y, heading) @ Pose(0.8, 0.3, 0.0)
+        along = there.x * math.cos(angle) + there.y * math.sin(angle) - distance
+        off.append([wrap_angle(heading - poses[-1].heading - angle), along - (ahead.x - 4.0)])
+    expected, found = out.covariance(1, ahead, normal), np.cov(np.transpose(off))
+    assert np.sqrt(np.diag(found)) == pytest.approx(np.sqrt(np.diag(expected)), rel=0.35)
+    correlation = [m[0, 1] / math.sqrt(m[0, 0] * m[1, 1]) for m in (expected, found)]
+    assert correlation[1] == pytest.approx(correlation[0], abs=0.3)
 
 
 def log_of_a_drive(seed):
