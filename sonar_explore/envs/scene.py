@@ -51,7 +51,7 @@ class Scene:
         index = tuple(array for shape in shapes for array in _neighbours(cells, np.asarray(shape), reach_m))
         busiest = tuple(int(np.diff(first).max(initial=0)) for first in index[::2])
         room = Scratch.of((len(walls), len(wedges), len(cylinders)), busiest)
-        return Scene(Things(walls, wedges, cylinders), Index(*index, frame), room)
+        return Scene(Things(walls, wedges, cylinders), Index._make([*index, frame]), room)
 
 
 def _cut_where_they_meet(walls: Array, roughness: Array) -> Array:
