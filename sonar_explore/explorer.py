@@ -99,7 +99,12 @@ class Explorer:
             self
         )  # no circle of references: an explorer and its maps go when nobody needs them
         self._driver = Driver(
-            robot, body, lambda: mind._traced(), lambda x, y: mind._is_point(x, y), config.driving
+            robot,
+            body,
+            lambda: mind._traced(),
+            lambda x, y: mind._is_point(x, y),
+            config.driving,
+            None if known_pose is not None else lambda odometry: mind._all_traced(odometry),
         )
         self._put_aside: list[tuple[float, float]] = []
         self._tried: dict[int, int] = {}
@@ -328,9 +333,15 @@ class Explorer:
 
         return room
 
+    def _all_traced(self, odometry: Sequence[Pose]) -> list[Pose]:
+        """`_traced` at each of these readings of the odometry."""
+        return [self._noted(self._slam.predict(pose)) for pose in odometry]
+
     def _traced(self) -> Pose:
         """`pose`, noting the way every 5 cm."""
-        here = self.pose()
+        return self._noted(self.pose())
+
+    def _noted(self, here: Pose) -> Pose:
         if not self._leg_trail or here.distance_to(self._leg_trail[-1]) >= 0.05:
             self._leg_trail.append(here)
             in_scan = self._slam.scans[-1].pose.inverse() @ here

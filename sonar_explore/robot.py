@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 from sonar_explore.geometry import Array, Pose
@@ -28,6 +29,10 @@ class Robot(Protocol):
 
     def tick(self, speed_m_s: float, turn_rate_rad_s: float) -> None:
         """Drive at these speeds for one ping interval; the next disc of the ring fires at its end."""
+        ...
+
+    def turn(self, turn_rate_rad_s: float, ticks: int) -> tuple[Sequence[Pose], Array]:
+        """So many ticks on the spot, one at least: `pose_robot_in_odometry` and `ring_m`, shape (ticks, 8), after each."""
         ...
 
     def scan(self, direction: int) -> Scan:

@@ -42,6 +42,7 @@ __all__ = [
     "ear",
     "echoes",
     "measured",
+    "measured_by",
     "measured_once",
     "temperature_scale",
 ]
@@ -97,9 +98,13 @@ def ear(physics: SonarPhysics) -> Ear:
 
 def measured(ranges: Array, scale: float, physics: SonarPhysics, rng: np.random.Generator) -> Array:
     """Ranges as the electronics report them: scaled, noisy, quantised, now and then unheard; shape (n,), [m]."""
-    sigma = physics.sigma_m + physics.sigma_per_m * ranges
-    noisy = ranges * scale + sigma * rng.standard_normal(len(ranges))
-    lost = (rng.random(len(ranges)) < physics.dropout) | (ranges >= physics.range_max_m)
+    return measured_by(ranges, scale, physics, rng.standard_normal(len(ranges)), rng.random(len(ranges)))
+
+
+def measured_by(ranges: Array, scale: float, physics: SonarPhysics, z: Array, chance: Array) -> Array:
+    """`measured` with these draws, shape (n,) each: standard normal for the noise, 0 to 1 for what goes unheard."""
+    noisy = ranges * scale + (physics.sigma_m + physics.sigma_per_m * ranges) * z
+    lost = (chance < physics.dropout) | (ranges >= physics.range_max_m)
     quantised = np.round(noisy / physics.quantum_m) * physics.quantum_m
     return np.where(lost, physics.range_max_m, np.clip(quantised, 0.0, physics.range_max_m))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -68,6 +68,7 @@ class Driver:
         pose: Callable[[], Pose],
         is_point: Callable[[float, float], bool],
         config: DrivingConfig,
+        poses: Callable[[Sequence[Pose]], Sequence[Pose]] | None = None,
     ) -> None:
         """
         Args:
@@ -76,7 +77,9 @@ class Driver:
             pose: where it believes to be now, `pose_robot_in_map`.
             is_point: whether the map has an edge or a corner at a place (x, y), not a wall.
             config: how to drive.
+            poses: carries that belief along several readings of the odometry; None where it must be asked each time.
         """
+        self._poses = poses
         self._robot = robot
         self._body = body
         self._pose = pose
@@ -113,8 +116,9 @@ class Driver:
             if distance <= cfg.arrived_m or (distance <= 2.0 * cfg.arrived_m and abs(error) > math.pi / 2):
                 return None
             far = distance > 3.0 * cfg.arrived_m
-            if abs(error) > cfg.aligned_rad and (far or abs(error) > 0.5):
-                self._tick(0.0, self._turn_rate(error))
+            enough = cfg.aligned_rad if far else max(cfg.aligned_rad, 0.5)
+            if abs(error) > enough:
+                self._turn(self._turn_rate(error), self._surely_turning(abs(error) - enough))
                 continue
             if self._since_glance >= cfg.glance_every_m and far and room(here.x, here.y) < cfg.tight_m:
                 self._glance()
@@ -135,9 +139,26 @@ class Driver:
         rate = 0.5 * self._body.turn_rate_max_rad_s  # so that each disc fires every 8 degrees
         ticks = math.ceil(self._config.glance_rad / (rate * self._body.ping_interval_s))
         for direction, count in ((1, ticks), (-1, 2 * ticks), (1, ticks)):
-            for _ in range(count):
-                self._tick(0.0, direction * rate)
+            self._turn(direction * rate, count)
         self._since_glance = 0.0
+
+    def _surely_turning(self, more_rad: float) -> int:
+        """How many ticks at the full rate turn by less than this, whatever the belief makes of the odometry; 1 at least."""
+        full = self._body.turn_rate_max_rad_s * self._body.ping_interval_s
+        ticks = math.floor((more_rad - full) / (1.1 * full))
+        return max(1, min(ticks, self._config.most_ticks - self._ticks))
+
+    def _turn(self, rate_rad_s: float, ticks: int) -> None:
+        """Turn on the spot for so many ticks."""
+        if self._poses is None:
+            for _ in range(ticks):
+                self._tick(0.0, rate_rad_s)
+            return
+        self._ticks += ticks
+        odometry, rings = self._robot.turn(rate_rad_s, ticks)
+        for here, ring_m in zip(self._poses(odometry), rings, strict=True):
+            self._echoes.note(here, ring_m)
+        self._here = here
 
     def _tick(self, speed_m_s: float, turn_rate_rad_s: float) -> None:
         self._ticks += 1

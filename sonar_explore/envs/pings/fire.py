@@ -122,10 +122,10 @@ def _together(discs, start, frame, cells):  # type: ignore[no-untyped-def]
 
 
 @inner_kernel
-def turned_discs(x, y, headings, mount_x, mount_y, mount_heading, discs):  # type: ignore[no-untyped-def]
-    """Poses of a disc mounted on a body at (x, y) with these headings, into `discs`, shape (n, 3)."""
+def turned_discs(x, y, headings, mounts, discs):  # type: ignore[no-untyped-def]
+    """Poses of discs mounted so (x y heading, shape (n, 3)) on a body at (x, y) with these headings, into `discs`."""
     for n in range(len(headings)):
         c, s = math.cos(headings[n]), math.sin(headings[n])
-        discs[n, 0] = x + c * mount_x - s * mount_y
-        discs[n, 1] = y + s * mount_x + c * mount_y
-        discs[n, 2] = headings[n] + mount_heading
+        discs[n, 0] = x + c * mounts[n, 0] - s * mounts[n, 1]
+        discs[n, 1] = y + s * mounts[n, 0] + c * mounts[n, 1]
+        discs[n, 2] = headings[n] + mounts[n, 2]
