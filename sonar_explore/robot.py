@@ -31,8 +31,9 @@ class Robot(Protocol):
         """Drive at these speeds for one ping interval; the next disc of the ring fires at its end."""
         ...
 
-    def turn(self, turn_rate_rad_s: float, ticks: int) -> tuple[Sequence[Pose], Array]:
-        """So many ticks on the spot, one at least: `pose_robot_in_odometry` and `ring_m`, shape (ticks, 8), after each."""
+    def turn(self, turn_rates_rad_s: Array) -> tuple[Sequence[Pose], Array]:
+        """Tick on the spot at each of these rates, shape (n,), n > 0: `pose_robot_in_odometry` and `ring_m`, shape
+        (n, 8), after each."""
         ...
 
     def scan(self, direction: int) -> Scan:

@@ -74,12 +74,12 @@ class OdometryError:
     def true_turns(self, turn_rad: float, count: int) -> Array:
         """The same for `count` turns on the spot in a row, shape (count,), [rad]; they shift nothing."""
         z = self._rng.standard_normal((count, 2))  # as many and in the order that single motions would draw
-        return self.true_turns_by(turn_rad, z[:, 1])
+        return self.true_turns_by(np.full(count, turn_rad), z[:, 1])
 
-    def true_turns_by(self, turn_rad: float, z: Array) -> Array:
-        """The same with these draws for the headings, shape (count,)."""
-        heading_sigma = math.sqrt(self._noise.turn_sigma_rad**2 * (abs(turn_rad) / (2.0 * math.pi)))
-        return turn_rad * self.turn_scale + heading_sigma * z
+    def true_turns_by(self, turns_rad: Array, z: Array) -> Array:
+        """The same for several turns with these draws for the headings, shape (n,) all."""
+        heading_sigma = np.sqrt(self._noise.turn_sigma_rad**2 * (np.abs(turns_rad) / (2.0 * math.pi)))
+        return turns_rad * self.turn_scale + heading_sigma * z
 
 
 def running_sum(start: float, steps: Array) -> Array:

@@ -58,7 +58,7 @@ class Simulator:
             ear(sonar),
             np.empty(1, dtype=np.int64),
         )
-        self._mounts = [(disc.x, disc.y, disc.heading) for disc in config.robot.sonars]
+        self._mounts = np.array([(disc.x, disc.y, disc.heading) for disc in config.robot.sonars])
         self.reset(rng)
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -116,18 +116,17 @@ class Simulator:
         self.ring_m[disc] = measured_once(range_m, self._range_scale, self.config.sonar, self._rng)
         self._next_disc = (disc + 1) % len(self._mounts)
 
-    def turn(self, turn_rate_rad_s: float, ticks: int) -> tuple[Sequence[Pose], Array]:
-        """So many ticks on the spot, with the draws of single ones: all discs fire from one place, in one call."""
-        robot = self.config.robot
+    def turn(self, turn_rates_rad_s: Array) -> tuple[Sequence[Pose], Array]:
+        """A tick on the spot at each rate, with the draws of single ones: all fire from one place, in one call."""
+        robot, ticks, rng = self.config.robot, len(turn_rates_rad_s), self._rng
         most = robot.turn_rate_max_rad_s
-        turn = min(most, max(-most, turn_rate_rad_s)) * robot.ping_interval_s
-        draws = np.array([(*self._rng.standard_normal(3), self._rng.random()) for _ in range(ticks)])
-        true_headings = running_sum(self.true_pose.heading, self._wheels.true_turns_by(turn, draws[:, 1]))
-        counted = running_sum(self.pose_robot_in_odometry.heading, np.full(ticks, turn))
+        turns = np.clip(turn_rates_rad_s, -most, most) * robot.ping_interval_s
+        draws = np.array([(*rng.standard_normal(3).tolist(), rng.random()) for _ in range(ticks)])
+        true_headings = running_sum(self.true_pose.heading, self._wheels.true_turns_by(turns, draws[:, 1]))
+        counted = running_sum(self.pose_robot_in_odometry.heading, turns)
         fired = (self._next_disc + np.arange(ticks)) % len(self._mounts)
         discs = np.empty((ticks, 3))
-        mounts = np.array(self._mounts)[fired]
-        turned_discs(self.true_pose.x, self.true_pose.y, true_headings[1:], mounts, discs)
+        turned_discs(self.true_pose.x, self.true_pose.y, true_headings[1:], self._mounts[fired], discs)
         heard, _ = echoes(self._scene, discs, self.config.sonar)
         ranges = measured_by(heard, self._range_scale, self.config.sonar, draws[:, 2], draws[:, 3])
         rings = np.empty((ticks, len(self._mounts)))
@@ -206,7 +205,7 @@ class Simulator:
         """Fire each of these discs at each of these headings; all together, for they share what they could hear."""
         n = len(true_headings)
         fired = np.empty((len(discs) * n, 3))
-        mounts = np.repeat(np.array(self._mounts)[list(discs)], n, axis=0)
+        mounts = np.repeat(self._mounts[list(discs)], n, axis=0)
         turned_discs(true_pose.x, true_pose.y, np.tile(true_headings, len(discs)), mounts, fired)
         ranges, _ = echoes(self._scene, fired, self.config.sonar)
         return [

@@ -14,6 +14,8 @@ from sonar_explore.geometry import Array, Pose, wrap_angle
 from sonar_explore.planning.echoes import EchoMemory
 from sonar_explore.robot import Robot
 
+FEW = 6  # ticks that are not worth a call for all of them
+
 
 @dataclass(frozen=True)
 class DrivingConfig:
@@ -118,7 +120,7 @@ class Driver:
             far = distance > 3.0 * cfg.arrived_m
             enough = cfg.aligned_rad if far else max(cfg.aligned_rad, 0.5)
             if abs(error) > enough:
-                self._turn(self._turn_rate(error), self._surely_turning(abs(error) - enough))
+                self._turn([self._turn_rate(error)] * self._surely_turning(abs(error) - enough))
                 continue
             if self._since_glance >= cfg.glance_every_m and far and room(here.x, here.y) < cfg.tight_m:
                 self._glance()
@@ -138,24 +140,23 @@ class Driver:
         """Turn a little left and right: the discs sweep over what lies between their axes."""
         rate = 0.5 * self._body.turn_rate_max_rad_s  # so that each disc fires every 8 degrees
         ticks = math.ceil(self._config.glance_rad / (rate * self._body.ping_interval_s))
-        for direction, count in ((1, ticks), (-1, 2 * ticks), (1, ticks)):
-            self._turn(direction * rate, count)
+        self._turn([rate] * ticks + [-rate] * 2 * ticks + [rate] * ticks)
         self._since_glance = 0.0
 
     def _surely_turning(self, more_rad: float) -> int:
-        """How many ticks at the full rate turn by less than this, whatever the belief makes of the odometry; 1 at least."""
+        """How many ticks at the full rate turn by less than this, even as the belief has them; 1 at least."""
         full = self._body.turn_rate_max_rad_s * self._body.ping_interval_s
         ticks = math.floor((more_rad - full) / (1.1 * full))
         return max(1, min(ticks, self._config.most_ticks - self._ticks))
 
-    def _turn(self, rate_rad_s: float, ticks: int) -> None:
-        """Turn on the spot for so many ticks."""
-        if self._poses is None:
-            for _ in range(ticks):
-                self._tick(0.0, rate_rad_s)
+    def _turn(self, rates_rad_s: Sequence[float]) -> None:
+        """Tick on the spot at each of these rates."""
+        if self._poses is None or len(rates_rad_s) < FEW:
+            for rate in rates_rad_s:
+                self._tick(0.0, rate)
             return
-        self._ticks += ticks
-        odometry, rings = self._robot.turn(rate_rad_s, ticks)
+        self._ticks += len(rates_rad_s)
+        odometry, rings = self._robot.turn(np.array(rates_rad_s))
         for here, ring_m in zip(self._poses(odometry), rings, strict=True):
             self._echoes.note(here, ring_m)
         self._here = here

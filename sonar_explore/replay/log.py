@@ -75,8 +75,8 @@ class _Overheard:
     def tick(self, speed_m_s: float, turn_rate_rad_s: float) -> None:
         self._robot.tick(speed_m_s, turn_rate_rad_s)
 
-    def turn(self, turn_rate_rad_s: float, ticks: int) -> tuple[Sequence[Pose], Array]:
-        odometry, rings = self._robot.turn(turn_rate_rad_s, ticks)
+    def turn(self, turn_rates_rad_s: Array) -> tuple[Sequence[Pose], Array]:
+        odometry, rings = self._robot.turn(turn_rates_rad_s)
         self._entries.extend(odometry)
         return odometry, rings
 

@@ -158,3 +158,24 @@ def test_a_robot_that_is_reset_is_a_new_robot():
     a_day(used)
     used.reset(np.random.default_rng(3))
     assert a_day(used) == a_day(robot_in(world, "paper", 3))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_turning_in_one_call_measures_what_single_ticks_do(seed):
+    rates = np.random.default_rng(seed).uniform(-2.0, 2.0, 30)
+    one_by_one, at_once = (
+        Simulator(load_world("paper/rooms"), SimulatorConfig(), np.random.default_rng(seed)) for _ in range(2)
+    )
+    for robot in (one_by_one, at_once):
+        for _ in range(5):
+            robot.tick(0.3, 0.4)
+    odometry, rings = at_once.turn(rates)
+    for k, rate in enumerate(rates.tolist()):
+        one_by_one.tick(0.0, rate)
+        assert odometry[k] == one_by_one.pose_robot_in_odometry
+        assert (rings[k] == one_by_one.ring_m).all()
+    assert at_once.true_pose == one_by_one.true_pose and at_once.true_trail == one_by_one.true_trail
+    assert (at_once.time_s, at_once.bumper) == (one_by_one.time_s, one_by_one.bumper)
+    for robot in (one_by_one, at_once):
+        robot.tick(0.3, 0.0)
+    assert at_once.true_pose == one_by_one.true_pose and (at_once.ring_m == one_by_one.ring_m).all()

@@ -80,3 +80,25 @@ def test_after_a_scan_what_was_heard_before_no_longer_bars_the_way():
     before = robot.driven_m
     assert driver.follow(path, unfamiliar).end is DriveEnd.BLOCKED
     assert robot.contacts == 0 and robot.driven_m - before < 0.15
+
+
+def test_turns_in_one_call_are_those_of_single_ticks():
+    path = np.array([[0.0, 0.0], [1.0, 0.5], [1.2, -0.8], [-0.6, -0.6]])
+    ends = []
+    for several in (False, True):
+        robot, single = driver_in(FENCE, Pose(0.0, 0.0, 2.0))
+        driver = single
+        if several:
+            driver = Driver(
+                robot,
+                CONFIG.robot,
+                lambda robot=robot: robot.pose_robot_in_odometry,
+                lambda x, y: False,
+                DrivingConfig(),
+                lambda odometry: odometry,
+            )
+        else:
+            driver._pose = lambda robot=robot: robot.pose_robot_in_odometry
+        assert driver.follow(path - path[0], unfamiliar).end is DriveEnd.ARRIVED
+        ends.append((robot.true_pose, robot.time_s, robot.ring_m.tolist(), driver._ticks))
+    assert ends[0] == ends[1]
