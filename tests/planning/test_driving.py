@@ -2,6 +2,7 @@
 """The driver gets there where the way is free, and touches nothing where it is not."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -85,20 +86,9 @@ def test_after_a_scan_what_was_heard_before_no_longer_bars_the_way():
 def test_turns_in_one_call_are_those_of_single_ticks():
     path = np.array([[0.0, 0.0], [1.0, 0.5], [1.2, -0.8], [-0.6, -0.6]])
     ends = []
-    for several in (False, True):
-        robot, single = driver_in(FENCE, Pose(0.0, 0.0, 2.0))
-        driver = single
-        if several:
-            driver = Driver(
-                robot,
-                CONFIG.robot,
-                lambda robot=robot: robot.pose_robot_in_odometry,
-                lambda x, y: False,
-                DrivingConfig(),
-                lambda odometry: odometry,
-            )
-        else:
-            driver._pose = lambda robot=robot: robot.pose_robot_in_odometry
+    for poses in (None, list):  # odometry is believed as it is
+        robot, driver = driver_in(FENCE, Pose(0.0, 0.0, 2.0))
+        driver._pose, driver._poses = partial(getattr, robot, "pose_robot_in_odometry"), poses
         assert driver.follow(path - path[0], unfamiliar).end is DriveEnd.ARRIVED
         ends.append((robot.true_pose, robot.time_s, robot.ring_m.tolist(), driver._ticks))
     assert ends[0] == ends[1]
