@@ -90,7 +90,9 @@ def _spread(cost, row, column, out):  # type: ignore[no-untyped-def]
 def _way_back(cost, costs, row, column):  # type: ignore[no-untyped-def]
     """From the end, each time the neighbour by which the cell came to its cost."""
     rows, columns = cost.shape
-    way = [(row, column)]
+    way = np.empty((rows * columns, 2), dtype=np.int64)
+    way[0, 0], way[0, 1] = row, column
+    count = 1
     while costs[row, column] > 0.0:
         found = False
         for diagonal in range(2):
@@ -108,5 +110,6 @@ def _way_back(cost, costs, row, column):  # type: ignore[no-untyped-def]
                         found = True
                         next_row, next_column = r, c
         row, column = next_row, next_column
-        way.append((row, column))
-    return np.array(way)
+        way[count, 0], way[count, 1] = row, column
+        count += 1
+    return way[:count].copy()

@@ -129,6 +129,27 @@ def _one_way_round(headings, bearings):  # type: ignore[no-untyped-def]
     return rising or falling
 
 
+@inner_kernel
+def _nth(values, n):  # type: ignore[no-untyped-def]
+    """The value that has n smaller ones before it (Hoare 1961); shuffles `values`."""
+    low, high = 0, len(values) - 1
+    while low < high:
+        pivot, i, j = values[n], low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while pivot < values[j]:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i, j = i + 1, j - 1
+        if j < n:
+            low = i
+        if n < i:
+            high = j
+    return values[n]
+
+
 @kernel
 def _regions(bearings, ranges, lever_m, lever_rad, range_max, tolerance, tie, rows, readings):  # type: ignore[no-untyped-def]
     """First and last bearing, depth and echo of each region into `rows`, its start and length into `readings`.
@@ -142,9 +163,10 @@ def _regions(bearings, ranges, lever_m, lever_rad, range_max, tolerance, tie, ro
         k = i % n if bearings[0] < bearings[n - 1] else n - 1 - i % n
         around[0, i] = bearings[k] if i < n else bearings[k] + 2.0 * math.pi
         around[1, i], around[2, i], around[3, i] = ranges[k], lever_m[k], lever_rad[k]
-    steps = around[0, 1:] - around[0, :-1]
-    usual = np.median(steps)
-    joined = np.empty(2 * n - 1, dtype=np.bool_)
+    steps, joined = np.empty(2 * n - 1), np.empty(2 * n - 1, dtype=np.bool_)
+    for i in range(2 * n - 1):
+        steps[i] = around[0, i + 1] - around[0, i]
+    usual = _nth(steps.copy(), n - 1)  # the median, for they are odd in number
     for i in range(2 * n - 1):
         heard = around[1, i] < range_max and around[1, i + 1] < range_max
         joined[i] = heard and 0.0 < steps[i] <= LARGEST_GAP_STEPS * usual

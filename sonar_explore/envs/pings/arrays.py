@@ -22,7 +22,10 @@ NEAREST_M = 0.02  # nothing nearer is asked for
 WIDEST_RAD = math.radians(80.0)
 TOGETHER_M = 0.5  # discs in a box of this size share their views
 EPS_M = 1e-5  # margin of every test that leaves something out: rounding is a millionth of it
-NONE = np.int64(-1)  # a plain -1 would be compiled apart, as a constant
+NONE, START = (
+    np.int64(-1),
+    np.int64(0),
+)  # plain -1 and 0 handed to a kernel would be compiled apart, as constants
 BINS = 72
 VIEWS = 256
 CELLS = 4  # of 1 m, that a box of `TOGETHER_M` may touch
@@ -47,7 +50,7 @@ HIDING = 4096  # places for the lists of what could hide a source
 BX, BY, COS, NEAREST, MUTE, LOUD = range(6)
 # and WHAT it is, WHICH row of its array, whether a wedge surely opens to the view, and its lists of what could hide it.
 WHAT, WHICH, OPENS, WALLS_FROM, WALLS_TO, COLUMNS_FROM, COLUMNS_TO = range(7)
-WALL, WEDGE, COLUMN, ROUGH_WALL = 0, 1, 2, 3
+WALL, WEDGE, COLUMN, ROUGH_WALL = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
 
 
 class Things(NamedTuple):

@@ -14,6 +14,7 @@ from sonar_explore.envs.pings.arrays import (
     NONE,
     NOTHING,
     SPARE,
+    START,
     TOGETHER_M,
     WALLS_FROM,
     Circle,
@@ -29,7 +30,7 @@ from sonar_explore.envs.pings.views import hidden_by, view
 @inner_kernel
 def fire_all(discs, things, index, room, ear, ranges, kinds):  # type: ignore[no-untyped-def]
     """First echo of each disc (x, y, heading), into `ranges` and `kinds`."""
-    stop = 0
+    stop = START
     while stop < len(discs):
         start = stop
         stop, circle, n_cells = _together(discs, start, index.frame, room.lists[NEAR_CELLS])
@@ -44,7 +45,7 @@ def _fire_together(discs, start, stop, circle, n_cells, things, index, room, ear
     """The same for discs that share a view: what is heard directly, and where nothing is, ghosts."""
     source, ids, lists = room.source, room.ids, room.lists
     near = _all_near(index, lists, n_cells)
-    seen = view(circle, things, near, source, ids, 0, ear)
+    seen = view(circle, things, near, source, ids, START, ear)
     if stop - start > 3:  # for few pings the lists do not pay
         seen = hidden_by(circle, things, near, source, ids, seen, lists[HIDDEN_BY])
     else:
@@ -57,7 +58,7 @@ def _fire_together(discs, start, stop, circle, n_cells, things, index, room, ear
             continue
         disc = Disc(px, py, px, py, px, py, heading)
         r, k = nearest_source(
-            disc, circle, ear.range_max, things, near, source, ids, 0, seen, lists[HIDDEN_BY], ear
+            disc, circle, ear.range_max, things, near, source, ids, START, seen, lists[HIDDEN_BY], ear
         )
         ranges[n], kinds[n] = r, k
         silent += k == NOTHING

@@ -18,6 +18,7 @@ from sonar_explore.envs.pings.arrays import (
     NONE,
     NOTHING,
     SPARE,
+    START,
     VIEWS,
     Circle,
     Disc,
@@ -96,7 +97,7 @@ def ghosts(discs, start, stop, circle, things, index, near, room, ear, ranges, k
     binned = stop - start > 3
     if binned:
         _bins(circle, ear.range_max, things.walls, near.walls, room.lists)
-    known = 0
+    known = START
     for n in range(start, stop):
         if kinds[n] == NOTHING:
             ranges[n], kinds[n], known = _ghost(

@@ -19,6 +19,7 @@ from sonar_explore.envs.pings.arrays import (
     OPENS,
     RIGHT_CORNER,
     ROUGH_WALL,
+    START,
     WALL,
     WALLS_FROM,
     WALLS_TO,
@@ -175,7 +176,7 @@ def _view_wedge(circle, i, edge_reach, things, source, ids, n, ear):  # type: ig
 @inner_kernel
 def hidden_by(circle, things, near, source, ids, n, hiding):  # type: ignore[no-untyped-def]
     """List for each of n sources what could hide it from the circle; drop those hidden for good: how many stay."""
-    used, kept = 0, 0
+    used, kept = START, START
     for k in range(n):
         what, i = ids[k, WHAT], ids[k, WHICH]
         start, middle, used = _list_hiding(circle, what, i, things, near, hiding, used)
