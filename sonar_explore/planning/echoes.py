@@ -25,6 +25,9 @@ NORMALS_RAD = (
 )  # off the axis: a plane is heard over 12 degrees or so
 SCRAPE_M = 0.02  # nearer than the room to keep by this, going along a wall is too near as well
 KEPT_M = 1.0  # echoes farther from the robot are forgotten
+PLANE_HEARD_RAD = math.radians(10.0)  # a plane square to a line this much off the axis is heard for sure
+POINT_HEARD_RAD = math.radians(7.0)  # and so is an edge this much off it
+BEFORE_M = 0.06  # what a disc should have heard lies nearer by this than what it heard
 
 
 class EchoMemory:
@@ -33,26 +36,28 @@ class EchoMemory:
     def __init__(self, body: AmigoBot, is_point: Callable[[float, float], bool]) -> None:
         self._body = body
         self._is_point = is_point
-        self._pieces: Array = np.empty((64, 5))
-        """x y of the foot, x y of the normal, half the length, [m]; the first `_count` rows are held."""
+        self._pieces: Array = np.empty((64, 6))
+        """x y of the foot, x y of the normal, half the length, [m], doubts; the first `_count` rows are held."""
         self._count = 0
         self._last: Array = np.full(len(body.sonars), body.range_max_m)
 
     def note(self, pose_robot_in_map: Pose, ring_m: Array) -> None:
         """Take the discs that have fired since the last call."""
-        fired = _fired(ring_m, self._last)
+        fired = np.flatnonzero(ring_m != self._last).tolist()
         self._last = ring_m
-        if not fired:
-            return
         rows = []
-        for i, mount in enumerate(self._body.sonars):
-            if not fired >> i & 1:
+        for i in fired:
+            disc, range_m = pose_robot_in_map @ self._body.sonars[i], float(ring_m[i])
+            silent = range_m >= self._body.range_max_m
+            self._count = _refute(self._pieces, self._count, disc.x, disc.y, disc.heading, range_m, silent)
+            if range_m >= HEARD_WITHIN_M:
                 continue
-            disc, range_m = pose_robot_in_map @ mount, float(ring_m[i])
             for off in NORMALS_RAD:
                 c, s = math.cos(disc.heading + off), math.sin(disc.heading + off)
                 x, y = disc.x + range_m * c, disc.y + range_m * s
-                rows.append((x, y, c, s, 0.0 if self._is_point(x, y) else HALF_LENGTH_M))
+                rows.append((x, y, c, s, 0.0 if self._is_point(x, y) else HALF_LENGTH_M, 0.0))
+        if not rows:
+            return
         self._count = _forget_far(self._pieces, self._count, pose_robot_in_map.x, pose_robot_in_map.y)
         needed = self._count + len(rows)
         while needed > len(self._pieces):
@@ -81,20 +86,43 @@ class EchoMemory:
         piece = _nearest_danger(self._pieces[: self._count], here.x, here.y, c, s, ahead_m, room_m)
         if piece < 0:
             return None
-        x, y, nx, ny, half = self._pieces[piece]
+        x, y, nx, ny, half, _ = self._pieces[piece]
         along = np.linspace(-half, half, 5)
         points = np.column_stack([x - ny * along, y + nx * along])
         return pose_robot_in_map.inverse().transform(points)
 
 
 @kernel
-def _fired(ring, last):  # type: ignore[no-untyped-def]
-    """Which discs heard something near that they had not reported last time, bit by bit."""
-    fired = 0
-    for i in range(len(ring)):
-        if ring[i] != last[i] and ring[i] < HEARD_WITHIN_M:
-            fired |= 1 << i
-    return fired
+def _refute(pieces, count, x, y, heading, range_m, silent):  # type: ignore[no-untyped-def]
+    """Doubt what this ping should have heard before it heard something, or nothing; how many pieces are left.
+
+    A piece of wall that is not there may still be an edge at its foot: that is kept, until it is doubted as well. A
+    ping that heard nothing may be one that went unheard: it takes two of those.
+    """
+    c, s = math.cos(heading), math.sin(heading)
+    kept = 0
+    for i in range(count):
+        piece = pieces[i]
+        to_x, to_y = piece[0] - x, piece[1] - y
+        across = to_x * piece[2] + to_y * piece[3]
+        if piece[4] > 0.0:
+            distance = abs(across)
+            ahead = (piece[2] * c + piece[3] * s) * (1.0 if across >= 0.0 else -1.0)
+            along = abs(to_y * piece[2] - to_x * piece[3])
+            heard = along <= piece[4] and ahead >= math.cos(PLANE_HEARD_RAD)
+        else:
+            distance = math.hypot(to_x, to_y)
+            heard = to_x * c + to_y * s >= distance * math.cos(POINT_HEARD_RAD)
+        if heard and distance < range_m - BEFORE_M:
+            piece[5] += 1.0 if silent else 2.0
+        if piece[5] >= 2.0:
+            if piece[4] == 0.0:
+                continue
+            piece[4], piece[5] = 0.0, 0.0
+        if kept != i:
+            pieces[kept] = piece
+        kept += 1
+    return kept
 
 
 @kernel

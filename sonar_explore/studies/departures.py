@@ -183,7 +183,7 @@ can be turned off alone, in Python by its name in `ExplorationConfig`. What each
 _FOOT = """\\* no part of section III: `literal` has it as well, and so has `off`.
 
 All arms drive alike, whatever corrects the pose: legs, glances to the left and right in tight places, what the ring has
-heard kept until the next scan, and the nearer way to the unknown when nothing else is left. The paper does not say how
+heard kept until a scan or a later ping knows better, and the nearer way to the unknown. The paper does not say how
 its robot avoids walls; [mapping.md](mapping.md) says how ours does. `--slam smoothed` has all of the above and moves
 every pose and chain after each scan: [slam.md](slam.md).
 

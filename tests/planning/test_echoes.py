@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.geometry import Pose
-from sonar_explore.planning.echoes import KEPT_M, EchoMemory
+from sonar_explore.planning.echoes import KEPT_M, POINT_HEARD_RAD, EchoMemory
 
 BODY = AmigoBot()
 AHEAD_M, ROOM_M = 0.14, 0.21
@@ -91,3 +91,43 @@ def test_what_is_far_behind_is_dropped_when_something_new_is_heard(far_m, kept):
     ring[6] = 0.7
     echoes.note(there, ring)
     assert (echoes.in_the_way(here, AHEAD_M, ROOM_M) is not None) == kept
+
+
+@settings(deadline=None)
+@given(poses, st.sampled_from([2, 3]), st.floats(0.05, 0.12), st.floats(0.3, 3.0))
+def test_a_wall_that_the_next_ping_should_have_heard_bars_nothing_but_its_foot(
+    pose, disc, range_m, farther_m
+):
+    echoes = memory(pose, {disc: range_m})
+    assert len(echoes.in_the_way(pose, AHEAD_M, ROOM_M)) == 5
+    ring = np.full(8, BODY.range_max_m)
+    for again in range(2):  # the first doubts the wall, the second the edge that may be all there is of it
+        ring = ring.copy()
+        ring[disc] = range_m + farther_m + 0.001 * again
+        echoes.note(pose, ring)
+        obstacle = echoes.in_the_way(pose, AHEAD_M, ROOM_M)
+        if again == 0 and obstacle is not None:
+            assert np.ptp(obstacle, axis=0).max() == pytest.approx(0.0, abs=1e-9)
+    left = echoes.in_the_way(pose, AHEAD_M, ROOM_M)
+    if left is not None:  # edges off the axis, where an edge may go unheard
+        bearing = BODY.sonars[disc].inverse().transform(left[[2]])[0]
+        assert abs(math.atan2(bearing[1], bearing[0])) > POINT_HEARD_RAD
+
+
+@settings(deadline=None)
+@given(poses, st.sampled_from([2, 3]), st.floats(0.05, 0.12), st.integers(1, 6))
+def test_a_wall_that_goes_on_being_heard_goes_on_barring_the_way(pose, disc, range_m, times):
+    echoes = memory(pose, {disc: range_m})
+    for again in range(times):
+        ring = np.full(8, BODY.range_max_m)
+        ring[disc] = range_m + 0.002 * (again % 2)
+        echoes.note(pose, ring)
+    assert np.ptp(echoes.in_the_way(pose, AHEAD_M, ROOM_M), axis=0).max() > 0.2
+
+
+@settings(deadline=None)
+@given(poses, st.sampled_from([2, 3]))
+def test_a_single_ping_that_heard_nothing_may_have_gone_unheard(pose, disc):
+    echoes = memory(pose, {disc: 0.1})
+    echoes.note(pose, np.full(8, BODY.range_max_m))
+    assert np.ptp(echoes.in_the_way(pose, AHEAD_M, ROOM_M), axis=0).max() > 0.2
