@@ -26,11 +26,13 @@ from sonar_explore.slam import Chain, ScanUpdate, Slam
 MIN_FRONTIER_M = 0.15
 MAX_REPLANS = 4
 LOOP_TRIPS = 12  # drives to close loops
-SECOND_CHANCES = 3  # times that places which were put aside are tried again before giving up
-DOUBTS = 24  # legs driven by a map that believes less, after nothing is left on the one that believes all
-DOUBT_AREA_M2 = 0.8  # new area for which that is worth it
+NEAR_M = 3.0  # what is left within this is finished before the robot goes farther
+DOUBTS = 24  # places gone to by a map that believes less, after nothing is left on the one that believes all
+DOUBT_AREA_M2 = 0.5  # new area for which that is worth it,
+DOUBT_AREA_PER_M = 0.15  # [m2/m], and for each metre of the way
+DOUBT_AREA_ENOUGH_M2 = 1.5  # more makes no way worth it: outside the walls there is any amount of it
+SECOND_CHANCE_AFTER_M2 = 4.0  # of free space found since the last one
 DOUBTED_M = 0.75  # places nearer to one that was tried so are not tried again
-WORTH_NEW_DOUBTS_M2 = 1.0  # of free space found since the first doubt: then they begin anew
 POINT_WITHIN_M = 0.12
 FAMILIAR_M = 0.35
 BACK_OFF_M_S, BACK_OFF_TICKS = 0.1, 20
@@ -49,6 +51,8 @@ class Situation:
     """Where the robot could go next; empty when nothing reachable is left."""
     scan_positions: Array
     """x y of every scan so far, shape (n, 2), map frame, [m]."""
+    underway_to: tuple[float, float] | None = None
+    """Where the last drive was going when it stopped for a scan, map frame, [m]; None where it was not."""
 
 
 @dataclass(frozen=True)
@@ -110,13 +114,12 @@ class Explorer:
         self._tried: dict[int, int] = {}
         self._paths: SafePaths
         self._planned_for: tuple[int, float, float, bool] | None = None
-        self._second_chances = SECOND_CHANCES
         self._daring = False
         self._doubtful = False
         self._doubts = DOUBTS
         self._doubted: list[tuple[float, float]] = []
-        self._doubt_goal: tuple[float, float] | None = None
-        self._free_when_doubted = 0
+        self._goal: tuple[float, float] | None = None
+        self._free_m2_at_chance = -math.inf
         self._loop_trips = LOOP_TRIPS
         self.gave_up = False
         """Whether all that is left are places that were put aside because the way to them was shut."""
@@ -152,66 +155,88 @@ class Explorer:
     def situation(self) -> Situation:
         """What there is to decide from."""
         pose = self.pose()
-        paths = self._plan(pose)
-        chains = self._slam.chains.chains
-        scans = np.array([(e.pose.x, e.pose.y) for e in self._slam.scans])
-        candidates = self._candidates(paths, chains, scans)
+        candidates: tuple[Candidate, ...] = ()
+        for within_m in (NEAR_M, math.inf):
+            for offer in (self._safe, self._dared, self._doubted_walls):
+                candidates = candidates or offer(pose, within_m)
+        candidates = candidates or self._second_chance(pose)
         if not candidates:
-            candidates = self._second_chance(pose, chains, scans)
-        if not candidates:
-            candidates = self._doubt(pose, chains, scans)
-        if not candidates:
+            self.gave_up = self._is_kept_from_something(pose)
             candidates = self._close_a_loop(pose)
         return Situation(
             pose=pose,
             grid=self.grid,
-            chains=chains,
+            chains=self._slam.chains.chains,
             frontiers=find_frontiers(self.grid, self._body.radius_m, MIN_FRONTIER_M),
             candidates=candidates,
-            scan_positions=scans,
+            scan_positions=self._scan_positions(),
+            underway_to=self._goal,
         )
 
-    def _candidates(self, paths: SafePaths, chains: Sequence[Chain], scans: Array) -> tuple[Candidate, ...]:
-        put_aside = np.array(self._put_aside).reshape(-1, 2)
-        return self._finder.find(self.grid, paths, chains, scans, put_aside, self._tried)
+    def _scan_positions(self) -> Array:
+        return np.array([(e.pose.x, e.pose.y) for e in self._slam.scans])
 
-    def _second_chance(self, pose: Pose, chains: Sequence[Chain], scans: Array) -> tuple[Candidate, ...]:
-        """Before calling the rest unreachable: go nearer to the unknown, and try again what was put aside."""
+    def _candidates(self, pose: Pose, put_aside: Sequence[tuple[float, float]]) -> tuple[Candidate, ...]:
+        aside = np.array(put_aside).reshape(-1, 2)
+        chains = self._slam.chains.chains
+        return self._finder.find(
+            self.grid, self._plan(pose), chains, self._scan_positions(), aside, self._tried
+        )
+
+    def _safe(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
+        """Every place with room on the way; none unless one is so near."""
+        self._daring = False
+        found = self._candidates(pose, self._put_aside)
+        return found if any(c.path_length_m <= within_m for c in found) else ()
+
+    def _dared(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
+        """Places so near, by ways nearer to the unknown and into gaps that the map draws too narrow."""
         self._daring = True
-        self._begin_anew_after_progress()
-        put_aside, self._put_aside = self._put_aside, []
-        if self._second_chances and self._obstacles:
-            self._obstacles = []
-            self._map()
-        candidates = self._candidates(self._plan(pose), chains, scans)
-        if candidates and self._second_chances == 0:
-            self._put_aside, self.gave_up = put_aside, bool(put_aside)
-            return ()
-        self._second_chances -= bool(candidates)
-        return candidates
+        return tuple(c for c in self._candidates(pose, self._put_aside) if c.path_length_m <= within_m)
 
-    def _doubt(self, pose: Pose, chains: Sequence[Chain], scans: Array) -> tuple[Candidate, ...]:
-        """Before calling it finished: where is much to be seen if only what is sure of the walls is there?
+    def _doubted_walls(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
+        """Places so near where much is to be seen if only what is sure of the walls is there.
 
         An edge, a column or a wall drawn too long can shut an open door on the map. The ring of eight tells on the way.
         """
         if not self._doubts:
             return ()
-        self._doubtful = True
+        self._daring = self._doubtful = True
         self._map()
         found = [
             c
-            for c in self._candidates(self._plan(pose), chains, scans)
-            if c.new_area_m2 >= DOUBT_AREA_M2
+            for c in self._candidates(pose, self._put_aside)
+            if c.path_length_m <= within_m
+            and _is_worth_a_doubt(c)
             and all(math.hypot(x - c.x, y - c.y) > DOUBTED_M for x, y in self._doubted)
         ]
         if found:
-            self._doubts, self.gave_up = self._doubts - 1, False
-            x, y = self._doubt_goal or (math.inf, math.inf)
+            x, y = self._goal or (math.inf, math.inf)
             return tuple(c for c in found if math.hypot(c.x - x, c.y - y) <= DOUBTED_M) or tuple(found)
         self._doubtful = False
         self._map()
         return ()
+
+    def _second_chance(self, pose: Pose) -> tuple[Candidate, ...]:
+        """Places that were put aside, once more as if the way had not been shut; again only after much was found."""
+        if not self._put_aside:
+            return ()
+        put_aside, obstacles = self._put_aside, self._obstacles
+        self._put_aside, self._obstacles, self._daring = [], [], True
+        self._map()
+        free_m2 = float(self.grid.free.sum()) * self.grid.frame.resolution_m**2
+        found = tuple(c for c in self._candidates(pose, ()) if c.new_area_m2 >= DOUBT_AREA_M2)
+        if found and free_m2 >= self._free_m2_at_chance + SECOND_CHANCE_AFTER_M2:
+            self._free_m2_at_chance = free_m2
+            return found
+        self._put_aside, self._obstacles = put_aside, obstacles
+        self._map()
+        return ()
+
+    def _is_kept_from_something(self, pose: Pose) -> bool:
+        """Whether places are left that were put aside because the way to them was shut."""
+        self._daring = True
+        return bool(self._put_aside and self._candidates(pose, ()))
 
     def _close_a_loop(self, pose: Pose) -> tuple[Candidate, ...]:
         """Before calling it finished: drive the last stretch of a loop, or go to where that stretch begins."""
@@ -237,12 +262,6 @@ class Explorer:
         parts = [e.pose.transform(t) for e, t in zip(self._slam.scans, self._trails, strict=True)]
         begins = np.cumsum([0, *(len(part) for part in parts[:-1])])
         return np.vstack(parts), begins
-
-    def _begin_anew_after_progress(self) -> None:
-        """Where much was found since the last time that nothing was left, all chances are there again."""
-        free = int(self.grid.free.sum())
-        if (free - self._free_when_doubted) * self.grid.frame.resolution_m**2 >= WORTH_NEW_DOUBTS_M2:
-            self._second_chances, self._doubts, self._free_when_doubted = SECOND_CHANCES, DOUBTS, free
 
     def go_to(self, candidate: Candidate) -> Trip:
         """Drive there; where the way is shut, find another; put the place aside if there is none.
@@ -270,10 +289,10 @@ class Explorer:
                 break
         if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED):
             self._put_aside.append((candidate.x, candidate.y))
-        if self._doubtful:
-            self._doubt_goal = (candidate.x, candidate.y) if end is DriveEnd.UNDERWAY else None
-            if end is not DriveEnd.UNDERWAY:
-                self._doubted.append((candidate.x, candidate.y))
+        self._goal = (candidate.x, candidate.y) if end is DriveEnd.UNDERWAY else None
+        if self._doubtful and end is not DriveEnd.UNDERWAY:
+            self._doubts -= 1
+            self._doubted.append((candidate.x, candidate.y))
         here = self.pose()
         return Trip(end, np.array([[here.x, here.y]]) if first is None else first, (*self._leg_trail, here))
 
@@ -360,3 +379,8 @@ class Explorer:
         if report.end is DriveEnd.BUMPED:  # back off, the way the body came
             for _ in range(BACK_OFF_TICKS):
                 self._robot.tick(-BACK_OFF_M_S, 0.0)
+
+
+def _is_worth_a_doubt(candidate: Candidate) -> bool:
+    area_m2 = min(candidate.new_area_m2, DOUBT_AREA_ENOUGH_M2)
+    return area_m2 >= max(DOUBT_AREA_M2, DOUBT_AREA_PER_M * candidate.path_length_m)

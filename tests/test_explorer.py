@@ -113,6 +113,8 @@ def test_a_long_way_is_driven_in_legs():
         ends.append(explorer.go_to(place(0.0, 0.0)).end)
         assert robot.driven_m - before <= 1.5 * leg + 0.3
         explorer.look()
+        goal = (0.0, 0.0) if ends[-1] is DriveEnd.UNDERWAY else None
+        assert explorer.situation().underway_to == goal
         if ends[-1] is DriveEnd.ARRIVED:
             break
     assert ends[-1] is DriveEnd.ARRIVED and len(ends) >= 3

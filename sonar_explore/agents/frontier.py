@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from sonar_explore.agents.base import Decision, Score
@@ -23,6 +24,10 @@ class FrontierWeights:
     """Path length, [per m]."""
     missing_link: float = 3.0
     """Meeting a dangling chain together with a normal one."""
+    underway: float = 1.0
+    """Going on to where the last leg was going: what looks a little better half-way would send it to and fro."""
+    underway_m: float = 0.75
+    """A place within this distance of it is as good, [m]."""
 
 
 class FrontierPolicy:
@@ -33,9 +38,10 @@ class FrontierPolicy:
 
     def choose(self, situation: Situation) -> Decision:
         """The candidate with the highest score."""
-        return Decision.best([self._score(candidate) for candidate in situation.candidates])
+        goal = situation.underway_to or (math.inf, math.inf)
+        return Decision.best([self._score(candidate, goal) for candidate in situation.candidates])
 
-    def _score(self, c: Candidate) -> Score:
+    def _score(self, c: Candidate, goal: tuple[float, float]) -> Score:
         w = self.weights
         return Score(
             {
@@ -43,5 +49,6 @@ class FrontierPolicy:
                 "associations": w.association * c.certainty,
                 "travel": -w.travel * c.path_length_m,
                 "missing_link": w.missing_link * bool(c.missing_links),
+                "underway": w.underway * (math.hypot(c.x - goal[0], c.y - goal[1]) <= w.underway_m),
             }
         )

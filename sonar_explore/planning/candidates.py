@@ -32,8 +32,10 @@ class CandidateConfig:
     """Distance of a place from known walls, [m]: nearer ones are in the dead zone, 0.20 m before the disc."""
     chain_grows_m: float = 0.4
     """How far beyond its links a chain is expected to go on, [m]: a new link may lie half a door away."""
-    least_area_m2: float = 0.10
-    """New area below which a place is not worth a scan, [m2]."""
+    least_area_m2: float = 0.15
+    """New area below which a place is not worth a scan, [m2],"""
+    area_per_m: float = 0.05
+    """and how much more for each metre of the way there: nobody crosses a building for a crumb, [m2/m]."""
     apart_m: float = 0.30
     """Least distance from every earlier scan position and from places put aside, [m]."""
     most: int = 32
@@ -106,8 +108,9 @@ class CandidateFinder:
         if dangling.any():
             meets = np.asarray(answers[:, dangling].any(axis=1) & answers[:, ~dangling].any(axis=1))
         length = paths.cost_m[cells[:, 0], cells[:, 1]]
-        worth = (area >= self._config.least_area_m2) | meets
-        rank = np.where(area >= self._config.least_area_m2, area, 0.0) + 0.2 * meets
+        enough = area >= self._config.least_area_m2 + self._config.area_per_m * length
+        worth = enough | meets
+        rank = np.where(enough, area, 0.0) + 0.2 * meets
         chosen = self._spread(places, np.where(worth, rank / (1.0 + length), 0.0))
         directions = np.array([c.root.segment.direction for c in chains])
         found = []

@@ -112,6 +112,15 @@ def test_frontier_goes_some_way_for_a_missing_link_but_not_any_way():
     assert policy.choose(of(near, plain(path_length_m=4.5, missing_links=(4,)))).chosen == 0
 
 
+def test_frontier_goes_on_to_where_it_was_going_unless_something_is_clearly_better():
+    policy = FrontierPolicy(FrontierWeights(underway=1.0, travel=1.0))
+    there, here = plain(x=5.0, y=0.0, path_length_m=3.0), plain(x=0.0, y=0.0, path_length_m=2.5)
+    assert policy.choose(of(there, here)).chosen == 1
+    assert policy.choose(replace(of(there, here), underway_to=(5.2, 0.1))).chosen == 0
+    near = plain(x=0.0, y=0.0, path_length_m=1.0)
+    assert policy.choose(replace(of(there, near), underway_to=(5.2, 0.1))).chosen == 1
+
+
 def test_random_takes_every_candidate_sooner_or_later():
     policy, situation = RandomPolicy(), of(plain(), plain(), plain())
     assert {policy.choose(situation).chosen for _ in range(50)} == {0, 1, 2}

@@ -56,7 +56,7 @@ def test_candidates_are_reachable_roomy_new_and_no_more_than_asked(seed):
         cell = FRAME.cell(c.x, c.y)
         assert paths.within[cell] and grid.states[cell] == FREE
         assert grid.to_walls_m[cell] >= config.least_room_m
-        assert c.new_area_m2 >= config.least_area_m2
+        assert c.new_area_m2 >= config.least_area_m2 + config.area_per_m * c.path_length_m
         assert c.path_length_m == pytest.approx(paths.cost_m[cell])
         taken = np.vstack([scanned, aside])
         assert np.hypot(*(taken - (c.x, c.y)).T).min() >= config.apart_m
