@@ -139,13 +139,7 @@ class CandidateFinder:
         cells = _roomiest(
             usable, paths.room_m, frame.x0, frame.y0, frame.resolution_m, self._config.spacing_m
         )
-        if not len(taken):
-            return cells
-        places = grid.frame.centres(cells)
-        gap = np.hypot(places[:, None, 0] - taken[None, :, 0], places[:, None, 1] - taken[None, :, 1]).min(
-            axis=1
-        )
-        return cells[gap >= self._config.apart_m]
+        return cells[_away_from(grid.frame.centres(cells), taken, self._config.apart_m)]
 
     def _spread(self, places: Array, score: Array) -> list[int]:
         """The best places, none within twice the lattice spacing of a better one while others are left."""
@@ -153,6 +147,19 @@ class CandidateFinder:
         order = order[score[order] > 0.0]
         alone = _apart(places[order], 2.0 * self._config.spacing_m)
         return [int(i) for i in np.concatenate([order[alone], order[~alone]])[: self._config.most]]
+
+
+@kernel
+def _away_from(places, taken, least):  # type: ignore[no-untyped-def]
+    """Which places, shape (n, 2), have none of those taken, shape (k, 2), within a distance, shape (n,)."""
+    away = np.ones(len(places), dtype=np.bool_)
+    for i in range(len(places)):
+        for j in range(len(taken)):
+            dx, dy = abs(places[i, 0] - taken[j, 0]), abs(places[i, 1] - taken[j, 1])
+            if dx < least and dy < least and math.hypot(dx, dy) < least:
+                away[i] = False
+                break
+    return away
 
 
 @kernel

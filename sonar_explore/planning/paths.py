@@ -82,7 +82,7 @@ class SafePaths:
         """Distance of each cell to the nearest cell that is not free, shape (rows, columns), [m]."""
         self._cell_costs = cost
         self._costs = cheapest_costs(cost, start)
-        self.within = np.isfinite(self._costs) & (room >= least)
+        self.within = (self._costs < np.inf) & (room >= least)
         """Cells that the body can be driven to, shape (rows, columns)."""
 
     @property
@@ -106,9 +106,24 @@ class SafePaths:
 
 def clearance(grid: OccupancyGrid, config: PlanningConfig) -> Array:
     """Distance of each cell to the nearest one that is not free, small unknown specks apart; (rows, columns), [m]."""
-    res = grid.frame.resolution_m
-    free = without_holes(grid.states == FREE, round(config.speck_m2 / res**2)) & (grid.states != OCCUPIED)
-    return (distances(~free) - 0.5) * res
+    res, most = grid.frame.resolution_m, round(config.speck_m2 / grid.frame.resolution_m**2)
+    about = _about(grid.states == FREE, most)
+    states = np.ascontiguousarray(grid.states[about])
+    free = without_holes(states == FREE, most) & (states != OCCUPIED)
+    room = np.full(grid.frame.shape, -0.5 * res)
+    room[about] = (distances(~free) - 0.5) * res
+    return room
+
+
+def _about(mask: Mask, margin: int) -> tuple[slice, slice]:
+    """The rows and columns that hold all of a mask, and a margin: nothing beyond is nearer than what is inside."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return slice(None), slice(None)
+    return (
+        slice(max(0, rows[0] - margin - 1), rows[-1] + margin + 2),
+        slice(max(0, columns[0] - margin - 1), columns[-1] + margin + 2),
+    )
 
 
 def _escape_zone(grid: OccupancyGrid, start: tuple[int, int], within_m: float) -> Mask:
@@ -132,8 +147,10 @@ def _fill_costs(room, least, comfort, weight, cost):  # type: ignore[no-untyped-
     for row in range(room.shape[0]):
         for column in range(room.shape[1]):
             here = room[row, column]
-            lack = min(1.0, max(0.0, (comfort - here) / (comfort - least)))
-            cost[row, column] = 1.0 + weight * (lack * lack) if here >= least else np.inf
+            cost[row, column] = np.inf
+            if here >= least:
+                lack = min(1.0, max(0.0, (comfort - here) / (comfort - least)))
+                cost[row, column] = 1.0 + weight * (lack * lack)
 
 
 def straightened(path: Array, room_m: Array, frame: GridFrame, enough_m: float = 0.32) -> Array:
