@@ -343,7 +343,12 @@ class Explorer:
         return np.vstack([corners, points[stop : stop + 1]])
 
     def _familiar(self) -> Callable[[float, float], float]:
-        """Room of a place on the map; none where the body has not been near, for the map may miss a wall there."""
+        """Room of a place on the map; none where the body has not been near, for the map may miss a wall there.
+
+        A doubted map misses many. Dead ahead, where no disc of the ring hears an edge, only a glance helps.
+        """
+        if self._doubtful:
+            return lambda x, y: 0.0
         trail = self._mapper.trail
         paths = self._paths
 

@@ -88,6 +88,7 @@ class Driver:
         self._config = config
         self._echoes = EchoMemory(body, is_point)
         self._ticks = 0
+        self._listened = False
 
     def follow(self, path: Array, room: Callable[[float, float], float]) -> DriveReport:
         """Drive along a path, shape (n, 2), map frame, [m]; stop where something is in the way.
@@ -106,6 +107,7 @@ class Driver:
     def forget(self) -> None:
         """A scan was taken: what the ring heard before is on the map now, or was nothing."""
         self._echoes.forget()
+        self._listened = False
 
     def _to(self, x: float, y: float, room: Callable[[float, float], float]) -> DriveReport | None:
         """One straight bit; None once there."""
@@ -121,6 +123,11 @@ class Driver:
             enough = cfg.aligned_rad if far else max(cfg.aligned_rad, 0.5)
             if abs(error) > enough:
                 self._turn([self._turn_rate(error)] * self._surely_turning(abs(error) - enough))
+                continue
+            if not self._listened:  # a wall close ahead: the disc that hears it may not have fired since
+                for _ in body.sonars:
+                    self._tick(0.0, 0.0)
+                self._listened = True
                 continue
             if self._since_glance >= cfg.glance_every_m and far and room(here.x, here.y) < cfg.tight_m:
                 self._glance()

@@ -92,3 +92,18 @@ def test_turns_in_one_call_are_those_of_single_ticks():
         assert driver.follow(path - path[0], unfamiliar).end is DriveEnd.ARRIVED
         ends.append((robot.true_pose, robot.time_s, robot.ring_m.tolist(), driver._ticks))
     assert ends[0] == ends[1]
+
+
+@pytest.mark.parametrize("disc", range(8))
+def test_a_wall_close_ahead_is_heard_before_the_first_move_whichever_disc_fires_first(disc):
+    turn = math.radians(15.0)  # square to a front disc
+    wall = Pose(0.23 * math.cos(turn), 0.23 * math.sin(turn), turn).transform(
+        np.array([[0.0, -3.0], [0.0, 3.0]])
+    )
+    robot, driver = driver_in(wall.reshape(1, 4))
+    for _ in range(len(CONFIG.robot.sonars) + disc):
+        driver._tick(0.0, 0.0)
+    driver.forget()  # a scan
+    report = driver.follow(np.array([[0.0, 0.0], [1.0, 0.0]]), familiar)
+    assert report.end is DriveEnd.BLOCKED
+    assert robot.contacts == 0
