@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -104,6 +105,7 @@ class SafePaths:
         return self.frame.centres(cheapest_way(self._cell_costs, self._costs, cell))
 
 
+@lru_cache(maxsize=2)  # asked for again where paths are planned on the same map, with other limits
 def clearance(grid: OccupancyGrid, config: PlanningConfig) -> Array:
     """Distance of each cell to the nearest one that is not free, small unknown specks apart; (rows, columns), [m]."""
     res, most = grid.frame.resolution_m, round(config.speck_m2 / grid.frame.resolution_m**2)
