@@ -47,7 +47,10 @@ def _distances(to, out):  # type: ignore[no-untyped-def]
         parts = 0
         for u in range(columns):
             gu = down[r, u]
-            if gu >= far:
+            left, right = down[r, max(u - 1, 0)], down[r, min(u + 1, columns - 1)]
+            if gu >= far or (gu == 0 and left == 0 and right == 0):
+                continue
+            if min(gu * gu - left * left, gu * gu - right * right) >= 1:  # nowhere lower than both beside it
                 continue
             begin = 0
             while parts > 0:
@@ -62,12 +65,11 @@ def _distances(to, out):  # type: ignore[no-untyped-def]
             if begin < columns:
                 lowest[parts], begins[parts] = u, max(begin, 0)
                 parts += 1
-        if parts == 0:
-            for c in range(columns):
-                out[r, c] = np.inf
-            continue
         k = parts - 1
         for c in range(columns - 1, -1, -1):
+            if down[r, c] == 0 or parts == 0:
+                out[r, c] = 0.0 if down[r, c] == 0 else np.inf
+                continue
             while begins[k] > c:
                 k -= 1
             i = lowest[k]
