@@ -113,7 +113,10 @@ class Explorer:
         self._put_aside: list[tuple[float, float]] = []
         self._tried: dict[int, int] = {}
         self._paths: SafePaths
-        self._planned_for: tuple[int, float, float, bool] | None = None
+        self._grids: dict[bool, OccupancyGrid] = {}
+        """Of the map as it is, believed and doubted: whichever was asked for."""
+        self._plans: dict[tuple[bool, float, float, bool], SafePaths] = {}
+        self._offers: dict[tuple[object, ...], tuple[Candidate, ...]] = {}
         self._daring = False
         self._doubtful = False
         self._doubts = DOUBTS
@@ -177,11 +180,14 @@ class Explorer:
         return np.array([(e.pose.x, e.pose.y) for e in self._slam.scans])
 
     def _candidates(self, pose: Pose, put_aside: Sequence[tuple[float, float]]) -> tuple[Candidate, ...]:
-        aside = np.array(put_aside).reshape(-1, 2)
-        chains = self._slam.chains.chains
-        return self._finder.find(
-            self.grid, self._plan(pose), chains, self._scan_positions(), aside, self._tried
-        )
+        paths, key = self._plan(pose), (self._doubtful, pose.x, pose.y, self._daring, tuple(put_aside))
+        if key not in self._offers:
+            aside = np.array(put_aside).reshape(-1, 2)
+            chains = self._slam.chains.chains
+            self._offers[key] = self._finder.find(
+                self.grid, paths, chains, self._scan_positions(), aside, self._tried
+            )
+        return self._offers[key]
 
     def _safe(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
         """Every place with room on the way; none unless one is so near."""
@@ -201,8 +207,8 @@ class Explorer:
         """
         if not self._doubts:
             return ()
-        self._daring = self._doubtful = True
-        self._map()
+        self._daring = True
+        self._believe(doubtful=True)
         found = [
             c
             for c in self._candidates(pose, self._put_aside)
@@ -213,8 +219,7 @@ class Explorer:
         if found:
             x, y = self._goal or (math.inf, math.inf)
             return tuple(c for c in found if math.hypot(c.x - x, c.y - y) <= DOUBTED_M) or tuple(found)
-        self._doubtful = False
-        self._map()
+        self._believe(doubtful=False)
         return ()
 
     def _second_chance(self, pose: Pose) -> tuple[Candidate, ...]:
@@ -270,6 +275,7 @@ class Explorer:
         """
         for chain in candidate.missing_links:
             self._tried[chain] = self._tried.get(chain, 0) + 1
+            self._offers.clear()
         self._leg_trail = []
         first = None
         end = DriveEnd.BLOCKED
@@ -301,20 +307,29 @@ class Explorer:
         return any_within(self._mapper.recent_points, x, y, POINT_WITHIN_M)
 
     def _map(self) -> None:
-        poses = [entry.pose for entry in self._slam.scans]
-        obstacles = [poses[i].transform(o.reshape(-1, 2)).reshape(-1, 4) for i, o in self._obstacles]
-        walls = np.vstack(obstacles) if obstacles else np.zeros((0, 4))
-        self.grid = self._mapper.draw(poses, self._looks, self._trails, walls, doubtful=self._doubtful)
-        self._planned_for = None
+        """Something has changed: draw the map anew."""
+        for known in (self._grids, self._plans, self._offers):
+            known.clear()
+        self._believe(doubtful=self._doubtful)
+
+    def _believe(self, *, doubtful: bool) -> None:
+        """Take the map as it is, or only what is sure of its walls."""
+        self._doubtful = doubtful
+        if doubtful not in self._grids:
+            poses = [entry.pose for entry in self._slam.scans]
+            obstacles = [poses[i].transform(o.reshape(-1, 2)).reshape(-1, 4) for i, o in self._obstacles]
+            walls = np.vstack(obstacles) if obstacles else np.zeros((0, 4))
+            grid = self._mapper.draw(poses, self._looks, self._trails, walls, doubtful=doubtful)
+            self._grids[doubtful] = grid
+        self.grid = self._grids[doubtful]
 
     def _plan(self, pose: Pose) -> SafePaths:
-        """Safe paths from here; the last ones again where neither the map nor the robot has changed."""
-        key = (id(self.grid), pose.x, pose.y, self._daring)
-        if key == self._planned_for:
-            return self._paths
-        self._planned_for = key
-        config, radius = self._config.planning, self._body.radius_m
-        self._paths = SafePaths(self.grid, pose.x, pose.y, radius, config, daring=self._daring)
+        """Safe paths from here; those of before where neither the map nor the robot has changed."""
+        key = (self._doubtful, pose.x, pose.y, self._daring)
+        if key not in self._plans:
+            config, radius = self._config.planning, self._body.radius_m
+            self._plans[key] = SafePaths(self.grid, pose.x, pose.y, radius, config, daring=self._daring)
+        self._paths = self._plans[key]
         return self._paths
 
     def _way(self, candidate: Candidate) -> Array | None:
