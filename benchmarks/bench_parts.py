@@ -95,9 +95,15 @@ def bench_decision(benchmark, slam):
 
 
 @pytest.mark.parametrize("slam", ["chain", "smoothed"])
-def bench_episode(benchmark, slam):
+def bench_episode(benchmark, figure, slam):
     """`paper/rooms`, frontier policy, seed 1, recorded."""
-    benchmark.pedantic(lambda: run_episode("paper/rooms", slam=slam, seed=1), rounds=3, warmup_rounds=1)
+    record = benchmark.pedantic(
+        lambda: run_episode("paper/rooms", slam=slam, seed=1), rounds=3, warmup_rounds=1
+    )
+    simulated_s, took_s = record.summary.sim_time_s, benchmark.stats.stats.median
+    figure(
+        f"{slam}: a simulated minute takes {60e3 * took_s / simulated_s:.0f} ms, {simulated_s / took_s:,.0f} times life"
+    )
 
 
 def bench_frontiers(benchmark):
