@@ -17,8 +17,9 @@ from sonar_explore.envs.exploration_env import ExplorationEnv
 from sonar_explore.envs.simulator import Simulator
 from sonar_explore.episodes.run import run_episode
 from sonar_explore.explorer import Explorer
+from sonar_explore.mapping.occupancy import OccupancyMapper
 from sonar_explore.mapping.sectors import Sectors
-from sonar_explore.planning import paths
+from sonar_explore.planning import paths, surroundings
 from sonar_explore.planning.candidates import CandidateFinder
 from sonar_explore.planning.driving import Driver
 from sonar_explore.slam import slam as slam_module
@@ -33,14 +34,14 @@ PARTS: tuple[tuple[str, Any, str], ...] = (
     ("    features of eight discs", slam_module, "extract"),
     ("  SLAM, all of `smoothed`", SmoothedSlam, "update"),
     ("    least squares", Smoother, "solve"),
-    ("  evidence of the scan", explorer, "look_of"),
+    ("  evidence of the scan", surroundings, "look_of"),
     ("  what there is to decide from", Explorer, "situation"),
     ("    candidates", CandidateFinder, "find"),
     ("    frontiers", explorer, "find_frontiers"),
     ("the drive, planning included", Explorer, "go_to"),
     ("  driving", Driver, "follow"),
     ("    glances", Driver, "_glance"),
-    ("drawing the map (in both)", Explorer, "_map"),
+    ("drawing the map (in both)", OccupancyMapper, "draw"),
     ("  cells of changed scans", Sectors, "put"),
     ("safe paths (in both)", paths.SafePaths, "__init__"),
     ("  room", paths, "clearance"),

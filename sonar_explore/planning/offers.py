@@ -1,0 +1,168 @@
+"""Where the robot could go next: what is near and safe first, then what takes daring, doubt or a second chance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from sonar_explore.config import ExplorationConfig
+from sonar_explore.geometry import Pose
+from sonar_explore.planning.candidates import Candidate, CandidateFinder
+from sonar_explore.planning.driving import DriveEnd
+from sonar_explore.planning.loops import open_loops
+from sonar_explore.planning.paths import path_length
+from sonar_explore.planning.surroundings import Surroundings
+from sonar_explore.slam import Slam
+
+NEAR_M = 3.0  # what is left within this is finished before the robot goes farther
+DOUBTS = 24  # places gone to by a map that believes less, after nothing is left on the one that believes all
+DOUBT_AREA_M2 = 0.5  # new area for which that is worth it,
+DOUBT_AREA_PER_M = 0.15  # [m2/m], and for each metre of the way
+DOUBT_AREA_ENOUGH_M2 = 1.5  # more makes no way worth it: outside the walls there is any amount of it
+DOUBTED_M = 0.75  # places nearer to one that was tried so are not tried again
+SECOND_CHANCE_AFTER_M2 = 4.0  # of free space found since the last one
+LOOP_TRIPS = 12  # drives to close loops
+
+
+class Offers:
+    """Offers candidate scan positions, and learns from how the way to them went."""
+
+    def __init__(
+        self, surroundings: Surroundings, slam: Slam, finder: CandidateFinder, config: ExplorationConfig
+    ) -> None:
+        self._surroundings = surroundings
+        self._slam = slam
+        self._finder = finder
+        self._config = config
+        self._found: dict[tuple[object, ...], tuple[Candidate, ...]] = {}
+        self._put_aside: list[tuple[float, float]] = []
+        """Places that the way to was shut."""
+        self._tried: dict[int, int] = {}
+        """How often the robot has gone to meet each dangling chain."""
+        self._doubts = DOUBTS
+        self._doubted: list[tuple[float, float]] = []
+        self._free_m2_at_chance = -math.inf
+        self._loop_trips = LOOP_TRIPS
+        self.goal: tuple[float, float] | None = None
+        """Where the last drive was going when it stopped for a scan, map frame, [m]; None where it was not."""
+        self.gave_up = False
+        """Whether all that is left are places that were put aside because the way to them was shut."""
+
+    def now(self, pose: Pose) -> tuple[Candidate, ...]:
+        """What to choose from at this pose; leaves the surroundings as they were taken for it."""
+        candidates: tuple[Candidate, ...] = ()
+        for within_m in (NEAR_M, math.inf):
+            for offer in (self._safe, self._dared, self._doubted_walls):
+                candidates = candidates or offer(pose, within_m)
+        candidates = candidates or self._second_chance(pose)
+        if not candidates:
+            self.gave_up = self._is_kept_from_something(pose)
+            candidates = self._close_a_loop(pose)
+        return candidates
+
+    def chosen(self, candidate: Candidate) -> None:
+        """The robot sets out for this one."""
+        for chain in candidate.missing_links:
+            self._tried[chain] = self._tried.get(chain, 0) + 1
+
+    def learn(self, candidate: Candidate, end: DriveEnd) -> None:
+        """How the way there went."""
+        place = candidate.x, candidate.y
+        if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED):
+            self._put_aside.append(place)
+        self.goal = place if end is DriveEnd.UNDERWAY else None
+        if self._surroundings.doubtful and end is not DriveEnd.UNDERWAY:
+            self._doubts -= 1
+            self._doubted.append(place)
+
+    def _candidates(self, pose: Pose, put_aside: Sequence[tuple[float, float]]) -> tuple[Candidate, ...]:
+        here, tried = self._surroundings, tuple(sorted(self._tried.items()))
+        key = (here.version, here.doubtful, here.daring, pose.x, pose.y, tuple(put_aside), tried)
+        if key not in self._found:
+            self._found = {k: v for k, v in self._found.items() if k[0] == here.version}
+            aside = np.array(put_aside).reshape(-1, 2)
+            chains = self._slam.chains.chains
+            self._found[key] = self._finder.find(
+                here.grid, here.paths(pose), chains, here.scan_positions, aside, self._tried
+            )
+        return self._found[key]
+
+    def _safe(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
+        """Every place with room on the way; none unless one is so near."""
+        self._surroundings.daring = False
+        found = self._candidates(pose, self._put_aside)
+        return found if any(c.path_length_m <= within_m for c in found) else ()
+
+    def _dared(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
+        """Places so near, by ways nearer to the unknown and into gaps that the map draws too narrow."""
+        self._surroundings.daring = True
+        return tuple(c for c in self._candidates(pose, self._put_aside) if c.path_length_m <= within_m)
+
+    def _doubted_walls(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
+        """Places so near where much is to be seen if only what is sure of the walls is there.
+
+        An edge, a column or a wall drawn too long can shut an open door on the map. The ring of eight tells on the way.
+        """
+        if not self._doubts:
+            return ()
+        self._surroundings.daring = True
+        self._surroundings.believe(doubtful=True)
+        found = [
+            c
+            for c in self._candidates(pose, self._put_aside)
+            if c.path_length_m <= within_m
+            and _is_worth_a_doubt(c)
+            and all(math.hypot(x - c.x, y - c.y) > DOUBTED_M for x, y in self._doubted)
+        ]
+        if found:
+            x, y = self.goal or (math.inf, math.inf)
+            return tuple(c for c in found if math.hypot(c.x - x, c.y - y) <= DOUBTED_M) or tuple(found)
+        self._surroundings.believe(doubtful=False)
+        return ()
+
+    def _second_chance(self, pose: Pose) -> tuple[Candidate, ...]:
+        """Places that were put aside, once more as if the way had not been shut; again only after much was found."""
+        if not self._put_aside:
+            return ()
+        here = self._surroundings
+        here.daring = True
+        obstacles = here.swap_obstacles([])
+        free_m2 = float(here.grid.free.sum()) * here.grid.frame.resolution_m**2
+        found = tuple(c for c in self._candidates(pose, ()) if c.new_area_m2 >= DOUBT_AREA_M2)
+        if found and free_m2 >= self._free_m2_at_chance + SECOND_CHANCE_AFTER_M2:
+            self._free_m2_at_chance, self._put_aside = free_m2, []
+            return found
+        here.swap_obstacles(obstacles)
+        return ()
+
+    def _is_kept_from_something(self, pose: Pose) -> bool:
+        """Whether places are left that were put aside because the way to them was shut."""
+        self._surroundings.daring = True
+        return bool(self._put_aside and self._candidates(pose, ()))
+
+    def _close_a_loop(self, pose: Pose) -> tuple[Candidate, ...]:
+        """Before calling it finished: drive the last stretch of a loop, or go to where that stretch begins."""
+        if not self._config.planning.close_loops or not self._loop_trips:
+            return ()
+        here, apart_m = self._surroundings, self._config.candidates.apart_m
+        paths, offers = here.paths(pose), []
+        trail, scans = here.way_so_far()
+        for loop in open_loops(trail, scans, here.grid):
+            for x, y in loop.goals.tolist():
+                path = paths.to(x, y)
+                aside = any(math.hypot(x - a, y - b) <= apart_m for a, b in self._put_aside)
+                if path is None or aside or math.hypot(x - pose.x, y - pose.y) <= apart_m:
+                    continue
+                length = path_length(path)
+                offers.append((not loop.closed_by(path), length, Candidate(x, y, length, 0.0, (), 0.0, ())))
+        if not offers:
+            return ()
+        self._loop_trips -= 1
+        return (min(offers, key=lambda offer: offer[:2])[2],)
+
+
+def _is_worth_a_doubt(candidate: Candidate) -> bool:
+    area_m2 = min(candidate.new_area_m2, DOUBT_AREA_ENOUGH_M2)
+    return area_m2 >= max(DOUBT_AREA_M2, DOUBT_AREA_PER_M * candidate.path_length_m)

@@ -1,0 +1,137 @@
+"""What the robot knows of where it is: evidence of scans, body and drives, the map drawn from it, safe ways on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonar_explore.config import ExplorationConfig
+from sonar_explore.geometry import Array, Pose
+from sonar_explore.mapping.near import any_within, any_within_in_blocks
+from sonar_explore.mapping.occupancy import Look, OccupancyGrid, OccupancyMapper, look_of
+from sonar_explore.measurement import Scan
+from sonar_explore.planning.paths import SafePaths
+from sonar_explore.slam import Slam
+from sonar_explore.slam.features import Feature
+
+POINT_WITHIN_M = 0.12
+FAMILIAR_M = 0.35
+
+
+class Surroundings:
+    """The map in the two ways it can be taken, and the ways on it in the two ways they can be planned.
+
+    Everything is kept in the frames of the scans, so that it moves with them when a correction moves past poses.
+    """
+
+    def __init__(self, slam: Slam, config: ExplorationConfig) -> None:
+        self._slam = slam
+        self._config = config
+        body = config.simulator.robot
+        self._radius_m = body.radius_m
+        self._mapper = OccupancyMapper(config.mapping, body.radius_m, body.range_reliable_m)
+        self._looks: list[Look] = []
+        self._trails: list[Array] = []
+        """Where the body has been since each scan, in that scan's frame."""
+        self._obstacles: list[tuple[int, Array]] = []
+        """Where the ring shut the way: index of the last scan, and a piece of wall in its robot frame."""
+        self._grids: dict[bool, OccupancyGrid] = {}
+        """Of the map as it is, believed and doubted: whichever was asked for."""
+        self._plans: dict[tuple[bool, float, float, bool], SafePaths] = {}
+        self.version = 0
+        """Counts the changes of the evidence."""
+        self.daring = False
+        """Whether ways may lead nearer to the unknown, and into gaps that the map draws too narrow."""
+        self.doubtful = False
+        """Whether only what is sure of the walls is believed."""
+        self.grid: OccupancyGrid
+        """The map; there from the first scan on."""
+
+    @property
+    def scans(self) -> int:
+        """How many there are."""
+        return len(self._looks)
+
+    @property
+    def scan_positions(self) -> Array:
+        """x y of every scan, shape (n, 2), map frame, [m]."""
+        return np.array([(e.pose.x, e.pose.y) for e in self._slam.scans])
+
+    def add_scan(self, scan: Scan, features: Sequence[Feature]) -> None:
+        """The last scan that SLAM has taken; the map is believed again."""
+        self._looks.append(look_of(scan, features, self._config.mapping))
+        self._trails.append(np.zeros((1, 2)))
+        self.doubtful = False
+        self._changed()
+
+    def add_body(self, here: Pose) -> None:
+        """The body is here: there is room for it. On the map from the next change on."""
+        in_scan = self._slam.scans[-1].pose.inverse() @ here
+        self._trails[-1] = np.vstack([self._trails[-1], (in_scan.x, in_scan.y)])
+
+    def add_obstacle(self, here: Pose, obstacle: Array) -> None:
+        """A piece of wall shut the way; shape (n, 2), in the frame of the robot, which is here, [m]."""
+        in_scan = self._slam.scans[-1].pose.inverse() @ here
+        # the middle of the piece is sure: the echo came from there
+        first, last = in_scan.transform(obstacle[[1, -2]] if len(obstacle) > 2 else obstacle[[0, -1]])
+        self._obstacles.append((len(self._looks) - 1, np.array([[*first, *last]])))
+        self._changed()
+
+    def swap_obstacles(self, obstacles: list[tuple[int, Array]]) -> list[tuple[int, Array]]:
+        """Take these for what has shut the way so far; what was taken for it until now."""
+        before, self._obstacles = self._obstacles, obstacles
+        self._changed()
+        return before
+
+    def believe(self, *, doubtful: bool) -> None:
+        """Take the map as it is, or only what is sure of its walls."""
+        self.doubtful = doubtful
+        if doubtful not in self._grids:
+            poses = [entry.pose for entry in self._slam.scans]
+            obstacles = [poses[i].transform(o.reshape(-1, 2)).reshape(-1, 4) for i, o in self._obstacles]
+            walls = np.vstack(obstacles) if obstacles else np.zeros((0, 4))
+            grid = self._mapper.draw(poses, self._looks, self._trails, walls, doubtful=doubtful)
+            self._grids[doubtful] = grid
+        self.grid = self._grids[doubtful]
+
+    def paths(self, pose: Pose) -> SafePaths:
+        """Safe paths from here; those of before where neither the map nor the robot has changed."""
+        key = (self.doubtful, pose.x, pose.y, self.daring)
+        if key not in self._plans:
+            config = self._config.planning
+            self._plans[key] = SafePaths(
+                self.grid, pose.x, pose.y, self._radius_m, config, daring=self.daring
+            )
+        return self._plans[key]
+
+    def way_so_far(self) -> tuple[Array, NDArray[np.intp]]:
+        """Where the body has been in order, map frame, shape (n, 2), [m]; and which of it are scan positions."""
+        parts = [e.pose.transform(t) for e, t in zip(self._slam.scans, self._trails, strict=True)]
+        begins = np.cumsum([0, *(len(part) for part in parts[:-1])])
+        return np.vstack(parts), begins
+
+    def is_point(self, x: float, y: float) -> bool:
+        """Whether the map has an edge, a corner or a thin column at a place."""
+        return any_within(self._mapper.recent_points, x, y, POINT_WITHIN_M)
+
+    def familiar_room(self, paths: SafePaths) -> Callable[[float, float], float]:
+        """Room of a place on the map; none where the body has not been near, for the map may miss a wall there.
+
+        A doubted map misses many. Dead ahead, where no disc of the ring hears an edge, only a glance helps.
+        """
+        if self.doubtful:
+            return lambda x, y: 0.0
+        trail = self._mapper.trail
+
+        def room(x: float, y: float) -> float:
+            return paths.room_at(x, y) if any_within_in_blocks(trail, x, y, FAMILIAR_M) else 0.0
+
+        return room
+
+    def _changed(self) -> None:
+        self.version += 1
+        self._grids.clear()
+        self._plans.clear()
+        self.believe(doubtful=self.doubtful)
