@@ -32,9 +32,9 @@ class CandidateConfig:
     """Distance of a place from known walls, [m]: nearer ones are in the dead zone, 0.20 m before the disc."""
     chain_grows_m: float = 0.4
     """How far beyond its links a chain is expected to go on, [m]: a new link may lie half a door away."""
-    least_area_m2: float = 0.15
+    least_area_m2: float = 0.5
     """New area below which a place is not worth a scan, [m2],"""
-    area_per_m: float = 0.05
+    area_per_m: float = 0.1
     """and how much more for each metre of the way there: nobody crosses a building for a crumb, [m2/m]."""
     apart_m: float = 0.30
     """Least distance from every earlier scan position and from places put aside, [m]."""

@@ -17,8 +17,8 @@ from sonar_explore.planning.surroundings import Surroundings
 from sonar_explore.slam import Slam
 
 NEAR_M = 3.0  # what is left within this is finished before the robot goes farther
-DOUBTS = 24  # places gone to by a map that believes less, after nothing is left on the one that believes all
-DOUBT_AREA_M2 = 0.5  # new area for which that is worth it,
+DOUBTS = 6  # places gone to by a map that believes less, after nothing is left on the one that believes all
+DOUBT_AREA_M2 = 1.0  # new area for which that is worth it,
 DOUBT_AREA_PER_M = 0.15  # [m2/m], and for each metre of the way
 DOUBT_AREA_ENOUGH_M2 = 1.5  # more makes no way worth it: outside the walls there is any amount of it
 DOUBTED_M = 0.75  # places nearer to one that was tried so are not tried again
