@@ -64,6 +64,8 @@ class MappingConfig:
     """Evidence of a corner or an edge for its cell."""
     core_weight: float = 1.0
     """Evidence of one certain sector against a wall."""
+    still_m: float = 0.01
+    """A scan that no point of moved farther than this since it was drawn stays as it is drawn, [m]."""
     fresh_scans: int = 4
     """What the last scans saw stands where they saw it, whatever older ones say: the pose drifts, the walls near
     by are where they are."""
@@ -231,6 +233,7 @@ class OccupancyMapper:
         cfg = self._config
         frame = self._covering(poses)
         moved = self._place(poses, looks)
+        poses = [placed.pose for placed in self._placed]
         walls = np.concatenate([placed.walls for placed in self._placed])
         scan = np.repeat(np.arange(len(looks)), [len(look.walls) for look in looks])
         pivots = pivot_points(walls, scan, cfg)
@@ -274,11 +277,15 @@ class OccupancyMapper:
         """Place what scans say that are new or stand elsewhere now; which those are, shape (n scans,)."""
         moved: Mask = np.zeros(len(poses), dtype=bool)
         for i, (pose, look) in enumerate(zip(poses, looks, strict=True)):
-            if i < len(self._placed) and self._placed[i].pose == pose:
+            if i < len(self._placed) and self._is_still(self._placed[i].pose, pose):
                 continue
             self._placed[i : i + 1] = [_Placed.at(pose, look)]
             moved[i] = True
         return moved
+
+    def _is_still(self, drawn: Pose, pose: Pose) -> bool:
+        turned_m = abs(wrap_angle(pose.heading - drawn.heading)) * self._config.free_range_m
+        return drawn.distance_to(pose) + turned_m <= self._config.still_m
 
     def _to_cut(
         self,

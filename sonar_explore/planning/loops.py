@@ -72,5 +72,20 @@ def open_loops(trail: Array, scans: NDArray[np.intp], grid: OccupancyGrid) -> tu
     return tuple(found)
 
 
+def went_round(trail: Array, grid: OccupancyGrid) -> int | None:
+    """Index of the first point of the trail at which the way had gone all round a block; None if it never has.
+
+    Args:
+        trail: where the body has been, in order, shape (n, 2), map frame, [m].
+        grid: the map.
+    """
+    found, frame = [], grid.frame
+    for x, y in enclosed_blocks(grid.free, (frame.x0, frame.y0), frame.resolution_m, LEAST_BLOCK_M2):
+        bearing = _bearings(trail, x, y)
+        turned = np.maximum.accumulate(bearing) - np.minimum.accumulate(bearing)
+        found.extend(np.flatnonzero(turned >= math.tau)[:1].tolist())
+    return min(found, default=None)
+
+
 def _bearings(points: Array, x: float, y: float) -> Array:
     return np.unwrap(np.arctan2(points[:, 1] - y, points[:, 0] - x))

@@ -6,24 +6,27 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonar_explore.config import ExplorationConfig
-from sonar_explore.geometry import Pose
+from sonar_explore.geometry import Array, Pose
 from sonar_explore.planning.candidates import Candidate, CandidateFinder
 from sonar_explore.planning.driving import DriveEnd
-from sonar_explore.planning.loops import open_loops
+from sonar_explore.planning.loops import open_loops, went_round
 from sonar_explore.planning.paths import path_length
 from sonar_explore.planning.surroundings import Surroundings
 from sonar_explore.slam import Slam
 
 NEAR_M = 3.0  # what is left within this is finished before the robot goes farther
-DOUBTS = 6  # places gone to by a map that believes less, after nothing is left on the one that believes all
-DOUBT_AREA_M2 = 1.0  # new area for which that is worth it,
+DOUBTS = 12  # places gone to by a map that believes less, after nothing is left on the one that believes all;
+DOUBTS_AGAIN_AFTER_M2 = 4.0  # [m2] of free space found: as many again
+DOUBT_AREA_M2 = 0.5  # new area for which that is worth it,
 DOUBT_AREA_PER_M = 0.15  # [m2/m], and for each metre of the way
 DOUBT_AREA_ENOUGH_M2 = 1.5  # more makes no way worth it: outside the walls there is any amount of it
 DOUBTED_M = 0.75  # places nearer to one that was tried so are not tried again
 SECOND_CHANCE_AFTER_M2 = 4.0  # of free space found since the last one
 LOOP_TRIPS = 12  # drives to close loops
+SAME_PLACE_M = 0.05  # nearer to a place put aside is that place: elsewhere the robot has stood
 
 
 class Offers:
@@ -42,6 +45,7 @@ class Offers:
         self._tried: dict[int, int] = {}
         """How often the robot has gone to meet each dangling chain."""
         self._doubts = DOUBTS
+        self._free_m2_at_doubts = -math.inf
         self._doubted: list[tuple[float, float]] = []
         self._free_m2_at_chance = -math.inf
         self._loop_trips = LOOP_TRIPS
@@ -105,10 +109,14 @@ class Offers:
 
         An edge, a column or a wall drawn too long can shut an open door on the map. The ring of eight tells on the way.
         """
+        here = self._surroundings
+        free_m2 = here.free_m2
+        if free_m2 >= self._free_m2_at_doubts + DOUBTS_AGAIN_AFTER_M2:
+            self._free_m2_at_doubts, self._doubts = free_m2, DOUBTS
         if not self._doubts:
             return ()
-        self._surroundings.daring = True
-        self._surroundings.believe(doubtful=True)
+        here.daring = True
+        here.believe(doubtful=True)
         found = [
             c
             for c in self._candidates(pose, self._put_aside)
@@ -119,7 +127,7 @@ class Offers:
         if found:
             x, y = self.goal or (math.inf, math.inf)
             return tuple(c for c in found if math.hypot(c.x - x, c.y - y) <= DOUBTED_M) or tuple(found)
-        self._surroundings.believe(doubtful=False)
+        here.believe(doubtful=False)
         return ()
 
     def _second_chance(self, pose: Pose) -> tuple[Candidate, ...]:
@@ -129,7 +137,7 @@ class Offers:
         here = self._surroundings
         here.daring = True
         obstacles = here.swap_obstacles([])
-        free_m2 = float(here.grid.free.sum()) * here.grid.frame.resolution_m**2
+        free_m2 = here.free_m2
         found = tuple(c for c in self._candidates(pose, ()) if c.new_area_m2 >= DOUBT_AREA_M2)
         if found and free_m2 >= self._free_m2_at_chance + SECOND_CHANCE_AFTER_M2:
             self._free_m2_at_chance, self._put_aside = free_m2, []
@@ -146,21 +154,41 @@ class Offers:
         """Before calling it finished: drive the last stretch of a loop, or go to where that stretch begins."""
         if not self._config.planning.close_loops or not self._loop_trips:
             return ()
-        here, apart_m = self._surroundings, self._config.candidates.apart_m
-        paths, offers = here.paths(pose), []
+        here = self._surroundings
+        paths, apart_m = here.paths(pose), self._config.candidates.apart_m
+        offers: list[tuple[bool, Candidate]] = []
         trail, scans = here.way_so_far()
         for loop in open_loops(trail, scans, here.grid):
             for x, y in loop.goals.tolist():
                 path = paths.to(x, y)
-                aside = any(math.hypot(x - a, y - b) <= apart_m for a, b in self._put_aside)
+                aside = any(math.hypot(x - a, y - b) <= SAME_PLACE_M for a, b in self._put_aside)
                 if path is None or aside or math.hypot(x - pose.x, y - pose.y) <= apart_m:
                     continue
-                length = path_length(path)
-                offers.append((not loop.closed_by(path), length, Candidate(x, y, length, 0.0, (), 0.0, ())))
+                offers.append((not loop.closed_by(path), _scan_at(x, y, path)))
+        if not offers:
+            offers = [(False, home) for home in self._home(pose, trail, scans)]
         if not offers:
             return ()
         self._loop_trips -= 1
-        return (min(offers, key=lambda offer: offer[:2])[2],)
+        return (min(offers, key=lambda offer: (offer[0], offer[1].path_length_m))[1],)
+
+    def _home(self, pose: Pose, trail: Array, scans: NDArray[np.intp]) -> tuple[Candidate, ...]:
+        """The first scan position, where the way went round a block and met no wall of the first scan since."""
+        if not len(trail) or (round_at := went_round(trail, self._surroundings.grid)) is None:
+            return ()
+        since = int(np.searchsorted(scans, round_at))
+        for chain in self._slam.chains.chains:
+            seen = {link.scan for link in chain.links}
+            if 0 in seen and max(seen) >= since:
+                return ()
+        x, y = trail[0].tolist()
+        path = self._surroundings.paths(pose).to(x, y)
+        return () if path is None else (_scan_at(x, y, path),)
+
+
+def _scan_at(x: float, y: float, path: Array) -> Candidate:
+    """A place to go to for its own sake."""
+    return Candidate(x, y, path_length(path), 0.0, (), 0.0, ())
 
 
 def _is_worth_a_doubt(candidate: Candidate) -> bool:

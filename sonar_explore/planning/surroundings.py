@@ -55,6 +55,11 @@ class Surroundings:
         return len(self._looks)
 
     @property
+    def free_m2(self) -> float:
+        """Of the map as it is taken, [m2]."""
+        return float(self.grid.free.sum()) * self.grid.frame.resolution_m**2
+
+    @property
     def scan_positions(self) -> Array:
         """x y of every scan, shape (n, 2), map frame, [m]."""
         return np.array([(e.pose.x, e.pose.y) for e in self._slam.scans])

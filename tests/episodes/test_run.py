@@ -163,3 +163,9 @@ def test_a_wrong_argument_is_one_line_that_names_what_is_possible(arguments, wor
 def test_configurations_are_values():
     assert replace(SHORT, max_scans=400) == ExplorationConfig()
     assert SHORT.with_noise("worn").simulator.noise.wheel_ratio == 1.01
+
+
+@pytest.mark.parametrize("seed", [47, 86])
+def test_the_robot_goes_on_round_a_loop_until_it_meets_the_walls_of_its_first_scan(seed):
+    summary = run_episode("paper/loop", seed=seed).summary
+    assert summary.loop_closed and summary.end_reason == "explored"

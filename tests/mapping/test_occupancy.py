@@ -282,7 +282,7 @@ def test_a_wall_ends_at_the_nearest_point_on_it_to_either_side(seed):
 @given(seeds)
 def test_redrawing_from_scratch_gives_the_grid_that_was_drawn_scan_by_scan(seed):
     true, looks, _ = scans_of_a_room(seed, 7)
-    rng, m = np.random.default_rng(seed), mapper()
+    rng, m = np.random.default_rng(seed), OccupancyMapper(replace(CONFIG, still_m=0.0), 0.18, 2.0)
     trails = rng.uniform(-0.4, 0.4, (7, 3, 2))
     obstacle = rng.uniform(0.0, 2.0, (1, 4))
     for k in range(1, 8):  # every pose is believed anew with every scan
@@ -290,6 +290,19 @@ def test_redrawing_from_scratch_gives_the_grid_that_was_drawn_scan_by_scan(seed)
         grid = m.draw(poses, looks[:k], [*trails[: k - 1], trails[k - 1, :1]], obstacle)
     fresh = mapper().draw(poses, looks, [*trails[:6], trails[6, :1]], obstacle)
     assert (window(grid.frame, grid.states, fresh.frame) == fresh.states).all()
+
+
+def test_a_scan_is_drawn_again_only_when_it_has_moved_and_then_where_it_is_now():
+    true, looks, _ = scans_of_a_room(3, 4)
+    m, off = mapper(), CONFIG.still_m
+    first = m.draw(true, looks, nowhere(4), NONE)
+    for step in (0.3, 0.6, 0.9):  # by little and little, and never farther off than that
+        crept = [Pose(p.x + step * off, p.y, p.heading) for p in true]
+        assert (m.draw(crept, looks, nowhere(4), NONE).states == first.states).all()
+    turned = [Pose(p.x, p.y, p.heading + 1.1 * off / CONFIG.free_range_m) for p in true]
+    now, fresh = (one.draw(turned, looks, nowhere(4), NONE) for one in (m, mapper()))
+    assert (window(now.frame, now.states, fresh.frame) == fresh.states).all()
+    assert (now.states != first.states).any()
 
 
 def moved(poses, rng):
