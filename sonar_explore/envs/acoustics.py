@@ -16,36 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonar_explore.beam import Beam
-from sonar_explore.envs.pings import (
-    CORNER,
-    CYLINDER,
-    EDGE,
-    GHOST,
-    NOTHING,
-    PLANE,
-    ROUGH,
-    Ear,
-    fire_all,
-)
+from sonar_explore.envs.pings import Ear, fire_all
 from sonar_explore.envs.scene import Scene
 from sonar_explore.geometry import Array
-
-__all__ = [
-    "CORNER",
-    "CYLINDER",
-    "EDGE",
-    "GHOST",
-    "NOTHING",
-    "PLANE",
-    "ROUGH",
-    "SonarPhysics",
-    "ear",
-    "echoes",
-    "measured",
-    "measured_by",
-    "measured_once",
-    "temperature_scale",
-]
 
 
 @dataclass(frozen=True)
@@ -59,7 +32,7 @@ class SonarPhysics:
     range_max_m: float = 5.0
     """Reported where nothing is heard, [m]."""
     ghost_order: int = 3
-    """Most reflections on the way to a ghost and back counts the mirrors once: 1 turns ghosts off, 2 or 3 mirrors."""
+    """Most reflections of a ghost, at its mirrors and at its source: 1 turns ghosts off, 3 is two mirrors."""
     bounce_loss: float = 0.8
     """Share of the amplitude left by each bounce off a mirror (0.7 to 0.9)."""
     sigma_m: float = 0.005
@@ -83,7 +56,7 @@ def echoes(scene: Scene, discs: Array, physics: SonarPhysics) -> tuple[Array, ND
 
     Returns:
         Distance from disc to source, shape (n,), [m], `range_max_m` where nothing is heard; and the kind of
-        source, shape (n,).
+        source, shape (n,) (`sonar_explore.envs.pings`: `PLANE` and so on, `GHOST` added once per mirror).
     """
     ranges = np.empty(len(discs))
     kinds = np.empty(len(discs), dtype=np.int64)

@@ -8,6 +8,7 @@ import pytest
 from sonar_explore.beam import Beam
 from sonar_explore.envs import acoustics
 from sonar_explore.envs.acoustics import SonarPhysics, echoes
+from sonar_explore.envs.pings import CORNER, CYLINDER, EDGE, GHOST, NOTHING, PLANE, ROUGH
 from sonar_explore.envs.scene import Scene
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Pose
@@ -43,13 +44,13 @@ def widest_heard_deg(scene, x, y, bearing_rad, kind):
 )
 def test_a_plane_is_heard_within_the_half_angle_of_its_distance(distance_m, half_angle_deg):
     scene = scene_of([(distance_m - 0.01, -9, distance_m - 0.01, 9)])
-    assert widest_heard_deg(scene, 0.0, 0.0, 0.0, acoustics.PLANE) == pytest.approx(half_angle_deg, abs=0.06)
+    assert widest_heard_deg(scene, 0.0, 0.0, 0.0, PLANE) == pytest.approx(half_angle_deg, abs=0.06)
 
 
 @pytest.mark.parametrize(("distance_m", "half_angle_deg"), [(0.5, 10.2), (1.0, 7.9), (2.0, 4.4), (3.0, 0.0)])
 def test_an_edge_is_heard_within_the_half_angle_of_its_distance(distance_m, half_angle_deg):
     scene = scene_of([(distance_m, 0.0, distance_m + 2.0, 0.0)])
-    assert widest_heard_deg(scene, 0.0, 0.0, 0.0, acoustics.EDGE) == pytest.approx(half_angle_deg, abs=0.06)
+    assert widest_heard_deg(scene, 0.0, 0.0, 0.0, EDGE) == pytest.approx(half_angle_deg, abs=0.06)
     assert math.degrees(Beam().edge_half_angle_rad(distance_m)) == pytest.approx(half_angle_deg, abs=0.06)
 
 
@@ -63,27 +64,27 @@ def test_a_wall_answers_with_its_perpendicular_distance_whatever_the_heading():
 def test_a_wall_whose_foot_lies_beyond_its_end_is_silent_but_its_end_answers():
     scene = scene_of([(1.0, 0.05, 1.0, 3)])
     ranges, kinds = echoes(scene, np.array([(0.0, 0.0, 0.0)]), SonarPhysics())
-    assert kinds[0] == acoustics.EDGE
+    assert kinds[0] == EDGE
     assert ranges[0] == pytest.approx(math.hypot(1.0, 0.05))
 
 
 def test_a_concave_right_corner_answers_like_a_plane_at_the_corners_distance():
     scene = scene_of([(0, 0, 3, 0), (0, 0, 0, 3)])
     x = y = 2.0 / math.sqrt(2.0)
-    assert widest_heard_deg(scene, x, y, math.radians(225), acoustics.CORNER) == pytest.approx(11.3, abs=0.06)
+    assert widest_heard_deg(scene, x, y, math.radians(225), CORNER) == pytest.approx(11.3, abs=0.06)
 
 
 def test_a_concave_corner_that_is_not_right_is_silent():
     scene = scene_of([(0, 0, 3, 0), (0, 0, 3 * math.cos(math.radians(120)), 3 * math.sin(math.radians(120)))])
     bearing = math.radians(60)
     discs = np.array([(1.5 * math.cos(bearing), 1.5 * math.sin(bearing), bearing + math.pi)])
-    assert echoes(scene, discs, SonarPhysics(ghost_order=1))[1][0] == acoustics.NOTHING
+    assert echoes(scene, discs, SonarPhysics(ghost_order=1))[1][0] == NOTHING
 
 
 def test_the_same_corner_seen_from_outside_is_a_weak_edge():
     scene = scene_of([(0, 0, 3, 0), (0, 0, 0, 3)])
     d = 1.0 / math.sqrt(2.0)
-    assert widest_heard_deg(scene, -d, -d, math.radians(45), acoustics.EDGE) == pytest.approx(7.9, abs=0.06)
+    assert widest_heard_deg(scene, -d, -d, math.radians(45), EDGE) == pytest.approx(7.9, abs=0.06)
 
 
 def test_a_ping_never_passes_a_wall():
@@ -110,7 +111,7 @@ def crosses_box(wall):
 def test_an_oblique_wall_alone_is_not_heard():
     scene = scene_of([(0, 1, 9, 1)])
     kinds = echoes(scene, np.array([(0.5, 0.0, math.radians(45))]), SonarPhysics())[1]
-    assert kinds[0] == acoustics.NOTHING
+    assert kinds[0] == NOTHING
 
 
 def test_an_oblique_mirror_gives_a_ghost_longer_than_the_wall_it_looks_at():
@@ -120,24 +121,24 @@ def test_an_oblique_mirror_gives_a_ghost_longer_than_the_wall_it_looks_at():
     scene = scene_of([mirror, target])
     disc = np.array([(0.0, 0.0, 0.0)])
     ranges, kinds = echoes(scene, disc, SonarPhysics(ghost_order=2))
-    assert kinds[0] == acoustics.PLANE + acoustics.GHOST
+    assert kinds[0] == PLANE + GHOST
     assert ranges[0] == pytest.approx(2.0 + 2.0, abs=2e-3)
-    assert echoes(scene, disc, SonarPhysics(ghost_order=1))[1][0] == acoustics.NOTHING
+    assert echoes(scene, disc, SonarPhysics(ghost_order=1))[1][0] == NOTHING
 
 
 def test_a_thin_column_is_heard_at_its_surface():
     scene = scene_of([(9, 9, 9, 8)], [(1.0, 0.0, 0.1)])
     ranges, kinds = echoes(scene, np.array([(0.0, 0.0, 0.0)]), SonarPhysics())
-    assert kinds[0] == acoustics.CYLINDER
+    assert kinds[0] == CYLINDER
     assert ranges[0] == pytest.approx(0.9)
 
 
 def test_a_rough_wall_answers_obliquely():
     wall = [(0, 1, 9, 1)]
     disc = np.array([(0.5, 0.0, math.radians(45))])
-    assert echoes(scene_of(wall), disc, SonarPhysics())[1][0] == acoustics.NOTHING
+    assert echoes(scene_of(wall), disc, SonarPhysics())[1][0] == NOTHING
     ranges, kinds = echoes(scene_of(wall, roughness=0.2), disc, SonarPhysics())
-    assert kinds[0] == acoustics.ROUGH
+    assert kinds[0] == ROUGH
     assert ranges[0] == pytest.approx(math.sqrt(2.0))
 
 
