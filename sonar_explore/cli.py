@@ -54,6 +54,7 @@ class _Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command of that name; an error that lists the names where there is none."""
         if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
             from sonar_explore.errors import unknown_name
 
@@ -61,6 +62,7 @@ class _Commands(click.Group):
         return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: click.Context) -> Any:
+        """Run the command; Ctrl-C goes on as click's abort."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as error:

@@ -60,30 +60,37 @@ class _Overheard:
 
     @property
     def pose_robot_in_odometry(self) -> Pose:
+        """The wheels' pose, noted down: [m], [rad]."""
         pose = self._robot.pose_robot_in_odometry
         self._entries.append(pose)
         return pose
 
     @property
     def ring_m(self) -> Array:
+        """Last range of every disc, not noted down, [m]."""
         return self._robot.ring_m
 
     @property
     def bumper(self) -> bool:
+        """Whether the last tick touched something."""
         return self._robot.bumper
 
     def tick(self, speed_m_s: float, turn_rate_rad_s: float) -> None:
+        """Drive for one tick at this speed, [m/s] and [rad/s]."""
         self._robot.tick(speed_m_s, turn_rate_rad_s)
 
     def turn(self, turn_rates_rad_s: Array) -> tuple[Sequence[Pose], Array]:
+        """Turn on the spot tick by tick at these rates [rad/s]; the pose after each is noted down."""
         odometry, rings = self._robot.turn(turn_rates_rad_s)
         self._entries.extend(odometry)
         return odometry, rings
 
     def scan(self, direction: int) -> Scan:
+        """A full turn, +1 to the left or -1 to the right, noted down."""
         return self._note(self._robot.scan(direction))
 
     def ring_scan(self, direction: int) -> Scan:
+        """A turn of the ring, +1 to the left or -1 to the right, noted down."""
         return self._note(self._robot.ring_scan(direction))
 
     def _note(self, scan: Scan) -> Scan:

@@ -59,16 +59,21 @@ class Chart:
 
 @dataclass(frozen=True)
 class _Plot:
+    """The axes of a chart: from values to places in its box."""
+
     x_top: float
     y_top: float
 
     def x(self, value: float) -> float:
+        """Place of a value on the x axis, [units]."""
         return round(LEFT + value / self.x_top * (WIDTH - LEFT - RIGHT), 1)
 
     def y(self, value: float) -> float:
+        """Place of a value on the y axis, [units]; rising values go up."""
         return round(HEIGHT - BOTTOM - value / self.y_top * (HEIGHT - TOP - BOTTOM), 1)
 
     def horizontal(self, value: float) -> str:
+        """The rule across the plot at a value of y, and the figure beside it."""
         y = self.y(value)
         return (
             f'<line class="rule" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:g}" y2="{y:g}"/>'
@@ -76,12 +81,14 @@ class _Plot:
         )
 
     def vertical(self, value: float) -> str:
+        """The figure below the plot at a value of x."""
         return (
             f'<text class="tick" x="{self.x(value):g}" y="{HEIGHT - BOTTOM + 17}" text-anchor="middle">'
             f"{value:g}</text>"
         )
 
     def curve(self, xs: Sequence[float], line: Line) -> str:
+        """A curve with a dot at each of its values."""
         places = [(self.x(x), self.y(y)) for x, y in zip(xs, line.y, strict=True)]
         points = " ".join(f"{x:g},{y:g}" for x, y in places)
         dots = "".join(f'<circle cx="{x:g}" cy="{y:g}" r="2.4"/>' for x, y in places)

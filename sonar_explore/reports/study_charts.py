@@ -101,20 +101,25 @@ def seed_squares(lanes: Sequence[Lane]) -> Markup:
 
 @dataclass(frozen=True)
 class _LogAxis:
+    """A logarithmic x axis from `low` to `high`."""
+
     low: float
     high: float
 
     @staticmethod
     def over(values: Sequence[float]) -> _LogAxis:
+        """The axis on which all of these have their place, with room to spare."""
         positive = [v for v in values if v > 0] or [0.1]
         low, high = min(positive), max(positive)
         return _LogAxis(max(0.001, 0.8 * low), max(1.3 * high, 2.0 * low))
 
     def x(self, value: float) -> float:
+        """Place of a value, [units]; what is below the axis stands at its beginning."""
         share = math.log(max(value, self.low) / self.low) / math.log(self.high / self.low)
         return round(LEFT + share * (WIDTH - LEFT - RIGHT), 1)
 
     def ticks(self) -> list[float]:
+        """1, 2 and 5 times the powers of ten that lie on it."""
         powers = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
         values = [round(m * 10.0**p, 6) for p in powers for m in (1, 2, 5)]
         return [v for v in values if self.low <= v <= self.high]

@@ -116,6 +116,8 @@ def _put_comparison(folder: Path) -> None:
 
 
 class _Kind(msgspec.Struct):
+    """Of a results.json, which study made it."""
+
     kind: str
 
 

@@ -152,8 +152,12 @@ def _has_loop(component: Mask, resolution_m: float, start: Pose) -> bool:
 
 @dataclass(frozen=True)
 class _Outline:
+    """The edges of a drawing's free space, in the image's frame: x right, y up, origin in its lower left corner."""
+
     walls: Array
+    """x1 y1 x2 y2, shape (n, 4), [m]."""
     cylinders: Array
+    """x y radius, shape (m, 3), [m]."""
 
 
 def _trace(name: str, component: Mask, resolution_m: float) -> _Outline:

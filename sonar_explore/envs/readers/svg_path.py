@@ -32,10 +32,13 @@ class PathSyntaxError(ValueError):
 
 
 class _Scanner:
+    """Reads path data from left to right, letter by letter and number by number."""
+
     def __init__(self, data: str) -> None:
         self._data, self._at = data, 0
 
     def more(self) -> bool:
+        """Whether anything but separators is left."""
         self._at = self._skip()
         return self._at < len(self._data)
 
@@ -50,6 +53,7 @@ class _Scanner:
         return letter
 
     def number(self) -> float:
+        """The next number, in the path's own units or, of an arc's turn, [deg]."""
         match = _NUMBER.match(self._data, self._skip())
         if match is None:
             raise PathSyntaxError(f"expected a number at {self._data[self._at : self._at + 12]!r}")
@@ -97,16 +101,19 @@ class _Pen:
         self.control: tuple[str, Point] = ("", (0.0, 0.0))
 
     def move(self, to: Point) -> None:
+        """Begin a subpath there."""
         self.subpaths.append([])
         self.at = self.began = to
         self.control = ("", to)
 
     def draw(self, curve: Curve, kind: str = "") -> None:
+        """Add a piece that begins where the pen is; its kind says whose control point may be mirrored next."""
         self.subpaths[-1].append(curve)
         self.control = (kind, curve[-2])
         self.at = curve[-1]
 
     def close(self) -> None:
+        """A straight piece back to where the subpath began, and a new subpath from there."""
         if self.at != self.began:
             self.draw([self.at, self.began])
         self.move(self.began)

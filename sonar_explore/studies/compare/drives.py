@@ -56,19 +56,23 @@ class _Recorder(Simulator):
     """Notes down what it lets the robot measure."""
 
     def reset(self, rng: np.random.Generator) -> None:
+        """A new drive, with nothing noted down."""
         super().reset(rng)
         self.log: list[Pose | Scan] = []
         self.true_poses: list[Pose] = []
         self.turn_ratios: list[float] = []
 
     def tick(self, speed_m_s: float, turn_rate_rad_s: float) -> None:
+        """Drive for one tick [m/s], [rad/s]; the odometry after it is noted down."""
         super().tick(speed_m_s, turn_rate_rad_s)
         self.log.append(self.pose_robot_in_odometry)
 
     def scan(self, direction: int) -> Scan:
+        """A full turn, noted down with the true pose at which it began."""
         return self._noted(super().scan, direction)
 
     def ring_scan(self, direction: int) -> Scan:
+        """A turn of the ring, noted down likewise."""
         return self._noted(super().ring_scan, direction)
 
     def _noted(self, take: Callable[[int], Scan], direction: int) -> Scan:
