@@ -2,64 +2,19 @@
 
 import json
 import pickle
-import warnings
-from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from env_runs import trajectory
 from gymnasium.utils.env_checker import check_env
 
 import sonar_explore  # noqa: F401 - registers the ids
-from sonar_explore.config import ExplorationConfig
-from sonar_explore.envs.amigobot_env import COUNT_EVERY_M, AmigoBotEnv
-from sonar_explore.envs.exploration_env import ExplorationEnv
-from sonar_explore.envs.world import World
 from sonar_explore.errors import SonarExploreError
-from sonar_explore.geometry import Pose
 
 IDS = ("sonar_explore/AmigoBot-v0", "sonar_explore/Exploration-v0")
 both = pytest.mark.parametrize("name", IDS)
-
-
-@pytest.fixture(autouse=True)
-def warnings_are_errors():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
-
-
-def chosen(env: gym.Env, observation: dict) -> object:
-    """A random action, one that the mask allows where there is one."""
-    return env.action_space.sample(observation.get("action_mask"))
-
-
-def trajectory(env: gym.Env, seed: int | None, steps: int) -> list:
-    observation, info = env.reset(seed=seed)
-    env.action_space.seed(5)
-    out: list[tuple] = [(observation, info)]
-    for _ in range(steps):
-        observation, reward, terminated, truncated, info = env.step(chosen(env, observation))
-        out.append((observation, reward, terminated, truncated, info))
-        if terminated or truncated:
-            break
-    return out
-
-
-def room(side_m: float) -> World:
-    corners = np.array([[0, 0], [side_m, 0], [side_m, side_m], [0, side_m], [0, 0]], dtype=float)
-    return World(
-        name="room",
-        title="An empty room",
-        walls=np.hstack([corners[:-1], corners[1:]]),
-        roughness=np.zeros(4),
-        cylinders=np.zeros((0, 3)),
-        start=Pose(side_m / 2, side_m / 2, 0.0),
-        has_loop=False,
-    )
-
-
-# --- both ------------------------------------------------------------------------------------------------
+pytestmark = pytest.mark.filterwarnings("error")
 
 
 @both
@@ -195,152 +150,3 @@ def test_the_docstring_is_the_page(name):
         *("Episode End", "Information", "Arguments", "Version History"),
     ):
         assert f"## {section}\n" in page
-
-
-# --- AmigoBot-v0 -----------------------------------------------------------------------------------------
-
-
-def test_full_speed_ahead_goes_eight_centimetres_a_period():
-    env = AmigoBotEnv("paper/corridor", noise="ideal")
-    env.reset(seed=0)
-    observation, *_ = env.step(np.array([1.0, 0.0], dtype=np.float32))
-    assert observation["odometry"] == pytest.approx([0.08, 0.0, 0.0], abs=1e-6)
-
-
-def test_positive_turns_are_counter_clockwise_and_headings_stay_wrapped():
-    env = AmigoBotEnv("paper/corridor", noise="ideal")
-    env.reset(seed=0)
-    headings = [float(env.step(np.array([0.0, 1.0]))[0]["odometry"][2]) for _ in range(60)]
-    assert headings[0] == pytest.approx(np.radians(8.0), abs=1e-6)
-    assert max(headings) <= np.pi and min(headings) < 0.0
-
-
-def test_a_touch_costs_once_sets_the_bumper_and_ends_nothing():
-    env = AmigoBotEnv(room(1.5), noise="ideal")
-    env.reset(seed=0)
-    steps = [env.step(np.array([1.0, 0.0])) for _ in range(12)]
-    assert steps[-1][0]["bumper"].tolist() == [1]
-    assert steps[-1][4]["contacts"] == 1
-    assert sum(reward for _, reward, *_ in steps) == pytest.approx(-1.0, abs=0.1)
-
-
-def test_the_rewards_of_new_area_add_up_to_the_area_explored():
-    env = AmigoBotEnv("paper/corridor", noise="ideal")
-    _, info = env.reset(seed=0)
-    before = info["truth"]["explored_fraction"]
-    total = 0.0
-    for _ in range(20):
-        _, reward, _, _, info = env.step(np.array([1.0, 0.0]))
-        total += reward
-    gained = (info["truth"]["explored_fraction"] - before) * env.scorer.reachable_area_m2
-    assert gained > 0.5
-    assert total + info["contacts"] == pytest.approx(gained)
-
-
-def test_standing_still_pays_nothing_and_the_area_is_not_counted_before_ten_centimetres():
-    env = AmigoBotEnv("paper/corridor", noise="ideal", control_period_s=0.04)
-    env.reset(seed=0)
-    assert env.step(np.array([0.0, 1.0]))[1] == 0.0
-    driven, rewards = 0.0, []
-    while driven < COUNT_EVERY_M - 0.025:
-        rewards.append(env.step(np.array([1.0, 0.0]))[1])
-        driven += 0.02
-    assert set(rewards) == {0.0}
-
-
-def test_a_room_seen_whole_ends_the_episode_as_explored():
-    env = AmigoBotEnv(replace(room(4.0), start=Pose(2.0, 1.2, 0.0)), noise="ideal")
-    env.reset(seed=0)
-    for _ in range(100):
-        _, _, terminated, truncated, info = env.step(np.array([1.0, 0.716]))  # a circle of 0.8 m
-        if terminated:
-            break
-    assert terminated and not truncated
-    assert info["end_reason"] == "explored"
-
-
-def test_the_time_limit_truncates():
-    env = gym.make("sonar_explore/AmigoBot-v0", world="paper/corridor", max_episode_steps=5)
-    assert trajectory(env, 0, 50)[-1][2:4] == (False, True)
-    assert gym.spec("sonar_explore/AmigoBot-v0").max_episode_steps == 5000
-
-
-@pytest.mark.parametrize("period", [0.0, 0.05, -0.04, float("nan")])
-def test_a_control_period_that_is_no_multiple_of_the_ping_interval_is_an_error(period):
-    with pytest.raises(SonarExploreError, match="multiples"):
-        AmigoBotEnv(control_period_s=period)
-
-
-def test_a_speed_that_is_no_number_is_an_error():
-    env = AmigoBotEnv()
-    env.reset(seed=0)
-    with pytest.raises(SonarExploreError):
-        env.step(np.array([np.nan, 0.0]))
-
-
-def test_what_the_robot_is_told_does_not_hold_the_truth():
-    env = AmigoBotEnv("paper/rooms", noise="worn")
-    env.reset(seed=0)
-    for _ in range(60):
-        observation, _, _, _, info = env.step(np.array([0.3, 0.8]))
-    believed = env.world.start @ env.simulator.pose_robot_in_odometry
-    assert abs(believed.heading - info["truth"]["pose"][2]) > 1e-3
-    assert set(observation) == {"sonar", "odometry", "bumper"}
-
-
-# --- Exploration-v0 --------------------------------------------------------------------------------------
-
-
-def test_random_allowed_decisions_end_for_a_stated_reason():
-    env = gym.make(
-        "sonar_explore/Exploration-v0", world="paper/corridor", config=ExplorationConfig(max_scans=15)
-    )
-    end = trajectory(env, 1, 100)[-1]
-    assert end[2] != end[3]
-    assert end[4]["end_reason"] in {"explored", "stuck"} if end[2] else {"scan_limit"}
-    assert end[4]["end_reason"]
-
-
-def test_the_scan_limit_truncates_and_says_so():
-    env = gym.make("sonar_explore/Exploration-v0", config=ExplorationConfig(max_scans=3))
-    steps = trajectory(env, 0, 10)
-    assert len(steps) == 3
-    assert steps[-1][2:4] == (False, True)
-    assert steps[-1][4]["end_reason"] == "scan_limit"
-
-
-def test_the_number_of_scans_can_be_given_without_a_configuration():
-    env = gym.make("sonar_explore/Exploration-v0", world="paper/corridor", max_scans=2)
-    assert trajectory(env, 0, 10)[-1][4]["end_reason"] == "scan_limit"
-    assert env.unwrapped.config.max_scans == 2
-    with pytest.raises(SonarExploreError, match="at least 1"):
-        ExplorationEnv("paper/corridor", max_scans=0)
-
-
-def test_the_mask_is_told_three_times_the_same():
-    env = ExplorationEnv("paper/corridor")
-    observation, info = env.reset(seed=0)
-    np.testing.assert_array_equal(observation["action_mask"], info["action_mask"])
-    np.testing.assert_array_equal(observation["action_mask"], env.action_masks())
-    assert observation["action_mask"].sum() == len(env.situation.candidates)
-
-
-def test_a_decision_that_is_not_offered_is_an_error():
-    env = ExplorationEnv("paper/corridor")
-    env.reset(seed=0)
-    with pytest.raises(SonarExploreError, match="not possible"):
-        env.step(np.int64(31 if len(env.situation.candidates) < 32 else 32))
-
-
-def test_where_nothing_is_left_after_the_first_scan_one_action_is_possible_and_ends_the_episode():
-    env = ExplorationEnv(room(0.9), noise="ideal")
-    observation, info = env.reset(seed=0)
-    assert not env.situation.candidates
-    assert observation["action_mask"].tolist()[:2] == [1, 0]
-    _, reward, terminated, truncated, info = env.step(np.int64(0))
-    assert (reward, terminated, truncated, info["end_reason"]) == (0.0, True, False, "explored")
-
-
-def test_fewer_actions_than_candidates_could_need_is_an_error():
-    with pytest.raises(SonarExploreError, match="max_candidates"):
-        ExplorationEnv(max_candidates=3)
