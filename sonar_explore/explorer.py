@@ -88,7 +88,7 @@ class Explorer:
             robot,
             body,
             lambda: mind._traced(),
-            self._surroundings.is_point,
+            lambda: mind._surroundings.recent_points,
             config.driving,
             None if known_pose is not None else lambda odometry: mind._all_traced(odometry),
         )
@@ -194,7 +194,7 @@ class Explorer:
 
     def _all_traced(self, odometry: Sequence[Pose]) -> list[Pose]:
         """`_traced` at each of these readings of the odometry."""
-        return [self._noted(self._slam.predict(pose)) for pose in odometry]
+        return [self._noted(pose) for pose in self._slam.predict_along(odometry)]
 
     def _traced(self) -> Pose:
         """`pose`, noting the way every 5 cm."""

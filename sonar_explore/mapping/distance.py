@@ -73,4 +73,6 @@ def _distances(to, out):  # type: ignore[no-untyped-def]
             while begins[k] > c:
                 k -= 1
             i = lowest[k]
-            out[r, c] = np.sqrt(float((c - i) * (c - i) + down[r, i] * down[r, i]))
+            out[r, c] = float((c - i) * (c - i) + down[r, i] * down[r, i])
+        for c in range(columns):  # in a loop of its own, for the processor takes several roots at once
+            out[r, c] = math.sqrt(out[r, c])

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sonar_explore.compiled import kernel
+from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.mapping.grid import FREE, UNKNOWN, Mask
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.mapping.regions import labelled
@@ -41,14 +41,18 @@ def find_frontiers(grid: OccupancyGrid, body_radius_m: float, min_length_m: floa
     """
     way = passable(grid, body_radius_m)
     cells = _edge(grid.states, way)
+    if not len(cells):
+        return ()
     regions = labelled(cells, grid.frame.shape)
-    order = np.argsort(regions, kind="stable")
-    ends = np.cumsum(np.bincount(regions))
-    found = [
-        Frontier(coords, tuple(grid.frame.centres(coords).mean(axis=0)))
-        for coords in np.split(cells[order], ends[:-1])
-        if len(coords) * grid.frame.resolution_m >= min_length_m
-    ]
+    order, sizes = np.argsort(regions, kind="stable"), np.bincount(regions)
+    ends = np.cumsum(sizes)
+    cells = cells[order]
+    middles = grid.frame.centres(cells)
+    found = []
+    for end, size in zip(ends.tolist(), sizes.tolist(), strict=True):
+        if size * grid.frame.resolution_m >= min_length_m:
+            x, y = (middles[end - size : end].sum(axis=0) / size).tolist()
+            found.append(Frontier(cells[end - size : end], (x, y)))
     return tuple(sorted(found, key=lambda f: (-len(f.cells), f.centroid)))
 
 
@@ -62,11 +66,18 @@ def _edge(states, way):  # type: ignore[no-untyped-def]
         for column in range(columns):
             if states[row, column] != FREE or not way[row, column]:
                 continue
-            touches = False
-            for r in range(max(0, row - 1), min(rows, row + 2)):
-                for c in range(max(0, column - 1), min(columns, column + 2)):
-                    touches = touches or (states[r, c] == UNKNOWN and way[r, c])
-            if touches:
+            if _touches(states, way, row, column):
                 cells[count, 0], cells[count, 1] = row, column
                 count += 1
     return cells[:count].copy()
+
+
+@inner_kernel
+def _touches(states, way, row, column):  # type: ignore[no-untyped-def]
+    """Whether one of the eight neighbours is unknown and passable."""
+    rows, columns = states.shape
+    for r in range(max(0, row - 1), min(rows, row + 2)):
+        for c in range(max(0, column - 1), min(columns, column + 2)):
+            if states[r, c] == UNKNOWN and way[r, c]:
+                return True
+    return False

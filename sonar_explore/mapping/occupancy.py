@@ -284,6 +284,8 @@ class OccupancyMapper:
         return moved
 
     def _is_still(self, drawn: Pose, pose: Pose) -> bool:
+        if drawn is pose:
+            return True
         turned_m = abs(wrap_angle(pose.heading - drawn.heading)) * self._config.free_range_m
         return drawn.distance_to(pose) + turned_m <= self._config.still_m
 

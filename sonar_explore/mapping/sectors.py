@@ -111,9 +111,10 @@ class Sectors:
         if index == len(self._trails):
             self._trails.append((pose, np.zeros((0, 2))))
         before, covered = self._trails[index]
-        if before == pose and len(points) == len(covered):
+        stands = before is pose or before == pose
+        if stands and len(points) == len(covered):
             return
-        if before != pose:
+        if not stands:
             self._cover(covered, radius_m, -1)
             covered = covered[:0]
         more = pose.transform(points[len(covered) :])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 
@@ -112,22 +113,27 @@ class CandidateFinder:
         worth = enough | meets
         rank = np.where(enough, area, 0.0) + 0.2 * meets
         chosen = self._spread(places, np.where(worth, rank / (1.0 + length), 0.0))
-        directions = np.array([c.root.segment.direction for c in chains])
-        found = []
-        for i in chosen:
-            ids = [int(k) for k in np.flatnonzero(answers[i])]
-            found.append(
-                Candidate(
-                    x=float(places[i, 0]),
-                    y=float(places[i, 1]),
-                    path_length_m=float(length[i]),
-                    new_area_m2=float(area[i]),
-                    chains=tuple(chains[k].id for k in ids),
-                    certainty=_certainty(certain[ids], directions[ids]) if len(ids) else 0.0,
-                    missing_links=tuple(chains[k].id for k in ids if dangling[k]) if meets[i] else (),
-                )
+        certainty = _certainty(certain, np.array([c.root.segment.direction for c in chains]), answers[chosen])
+        ids = [c.id for c in chains]
+        return tuple(
+            Candidate(
+                x=x,
+                y=y,
+                path_length_m=float(length[i]),
+                new_area_m2=float(area[i]),
+                chains=tuple(compress(ids, answering)),
+                certainty=sure,
+                missing_links=tuple(compress(ids, dangles)) if meets[i] else (),
             )
-        return tuple(found)
+            for i, (x, y), answering, dangles, sure in zip(
+                chosen,
+                places[chosen].tolist(),
+                answers[chosen].tolist(),
+                (answers[chosen] & dangling).tolist(),
+                certainty.tolist(),
+                strict=True,
+            )
+        )
 
     def roomy(self, grid: OccupancyGrid) -> Mask:
         """Cells far enough from known walls for a scan, shape (rows, columns)."""
@@ -231,8 +237,16 @@ def _seen_from(cells, way, unseen, rows, columns):  # type: ignore[no-untyped-de
     return out
 
 
-def _certainty(probabilities: Array, directions: Array) -> float:
-    """How sure the position is across and along the surest chain: 0 to 2."""
-    best = int(np.argmax(probabilities))
-    crossing = np.abs(np.sin(directions - directions[best])) * probabilities
-    return float(probabilities[best] + crossing.max())
+def _certainty(probabilities: Array, directions: Array, answers: Mask) -> Array:
+    """How sure the position is across and along the surest chain that answers at each place: 0 to 2, shape (n,).
+
+    Args:
+        probabilities, directions: P(root) and direction [rad] of each chain, shape (k,).
+        answers: which chains answer at which place, shape (n, k).
+    """
+    if not answers.any():
+        return np.zeros(len(answers))
+    surest = np.argmax(np.where(answers, probabilities, -1.0), axis=1)
+    crossing = np.abs(np.sin(directions - directions[surest, None])) * probabilities
+    sure = probabilities[surest] + np.where(answers, crossing, 0.0).max(axis=1)
+    return np.where(answers.any(axis=1), sure, 0.0)

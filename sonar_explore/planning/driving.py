@@ -68,7 +68,7 @@ class Driver:
         robot: Robot,
         body: AmigoBot,
         pose: Callable[[], Pose],
-        is_point: Callable[[float, float], bool],
+        points: Callable[[], Array],
         config: DrivingConfig,
         poses: Callable[[Sequence[Pose]], Sequence[Pose]] | None = None,
     ) -> None:
@@ -77,7 +77,7 @@ class Driver:
             robot: what drives.
             body: its shape and speeds.
             pose: where it believes to be now, `pose_robot_in_map`.
-            is_point: whether the map has an edge or a corner at a place (x, y), not a wall.
+            points: edges and corners on the map now, not walls, x y, shape (n, 2), [m].
             config: how to drive.
             poses: carries that belief along several readings of the odometry; None where it must be asked each time.
         """
@@ -86,7 +86,7 @@ class Driver:
         self._body = body
         self._pose = pose
         self._config = config
-        self._echoes = EchoMemory(body, is_point)
+        self._echoes = EchoMemory(body, points)
         self._ticks = 0
         self._listened = False
 
@@ -164,15 +164,15 @@ class Driver:
             return
         self._ticks += len(rates_rad_s)
         odometry, rings = self._robot.turn(np.array(rates_rad_s))
-        for here, ring_m in zip(self._poses(odometry), rings, strict=True):
-            self._echoes.note(here, ring_m)
-        self._here = here
+        poses = self._poses(odometry)
+        self._echoes.note(poses, rings)
+        self._here = poses[-1]
 
     def _tick(self, speed_m_s: float, turn_rate_rad_s: float) -> None:
         self._ticks += 1
         self._robot.tick(speed_m_s, turn_rate_rad_s)
         self._here = self._pose()
-        self._echoes.note(self._here, self._robot.ring_m)
+        self._echoes.note((self._here,), self._robot.ring_m[None])
 
     def _turn_rate(self, error_rad: float) -> float:
         rate = error_rad / self._body.ping_interval_s

@@ -8,13 +8,14 @@ and right in tight places, so that this memory has no gap.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from sonar_explore.amigobot import AmigoBot
-from sonar_explore.compiled import kernel
+from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array, Pose
+from sonar_explore.mapping.near import any_within
 
 HEARD_WITHIN_M = 0.8  # a wall farther away is no danger yet
 HALF_LENGTH_M = 0.25  # of the piece of wall that an echo stands for
@@ -23,47 +24,53 @@ NORMALS_RAD = (
     0.0,
     math.radians(8.0),
 )  # off the axis: a plane is heard over 12 degrees or so
+POINT_WITHIN_M = 0.12  # of an edge or a corner on the map, an echo is taken for its
 SCRAPE_M = 0.02  # nearer than the room to keep by this, going along a wall is too near as well
 KEPT_M = 1.0  # echoes farther from the robot are forgotten
 PLANE_HEARD_RAD = math.radians(10.0)  # a plane square to a line this much off the axis is heard for sure
 POINT_HEARD_RAD = math.radians(7.0)  # and so is an edge this much off it
+COLUMNS = 6  # of a piece
 BEFORE_M = 0.06  # what a disc should have heard lies nearer by this than what it heard
 
 
 class EchoMemory:
     """Pieces of wall in the map frame; valid from one scan to the next."""
 
-    def __init__(self, body: AmigoBot, is_point: Callable[[float, float], bool]) -> None:
-        self._body = body
-        self._is_point = is_point
-        self._pieces: Array = np.empty((64, 6))
+    def __init__(self, body: AmigoBot, points: Callable[[], Array]) -> None:
+        """
+        Args:
+            body: where its discs sit.
+            points: edges and corners on the map now, x y, shape (n, 2), [m].
+        """
+        self._mounts = np.array([(disc.x, disc.y, disc.heading) for disc in body.sonars])
+        self._range_max_m = body.range_max_m
+        self._points = points
+        self._pieces: Array = np.empty((64, COLUMNS))
         """x y of the foot, x y of the normal, half the length, [m], doubts; the first `_count` rows are held."""
         self._count = 0
         self._last: Array = np.full(len(body.sonars), body.range_max_m)
 
-    def note(self, pose_robot_in_map: Pose, ring_m: Array) -> None:
-        """Take the discs that have fired since the last call."""
-        fired = np.flatnonzero(ring_m != self._last).tolist()
-        self._last = ring_m
-        rows = []
-        for i in fired:
-            disc, range_m = pose_robot_in_map @ self._body.sonars[i], float(ring_m[i])
-            silent = range_m >= self._body.range_max_m
-            self._count = _refute(self._pieces, self._count, disc.x, disc.y, disc.heading, range_m, silent)
-            if range_m >= HEARD_WITHIN_M:
-                continue
-            for off in NORMALS_RAD:
-                c, s = math.cos(disc.heading + off), math.sin(disc.heading + off)
-                x, y = disc.x + range_m * c, disc.y + range_m * s
-                rows.append((x, y, c, s, 0.0 if self._is_point(x, y) else HALF_LENGTH_M, 0.0))
-        if not rows:
-            return
-        self._count = _forget_far(self._pieces, self._count, pose_robot_in_map.x, pose_robot_in_map.y)
-        needed = self._count + len(rows)
+    def note(self, poses_robot_in_map: Sequence[Pose], rings_m: Array) -> None:
+        """Take the discs that have fired since the last call.
+
+        Args:
+            poses_robot_in_map: of some ticks, in order.
+            rings_m: latest echo of each disc after each tick, shape (ticks, discs), [m].
+        """
+        needed = self._count + len(NORMALS_RAD) * rings_m.size
         while needed > len(self._pieces):
             self._pieces = np.vstack([self._pieces, np.empty_like(self._pieces)])
-        self._pieces[self._count : needed] = rows
-        self._count = needed
+        poses = np.array([(pose.x, pose.y, pose.heading) for pose in poses_robot_in_map])
+        self._count = _note(
+            self._pieces,
+            self._count,
+            poses,
+            rings_m,
+            self._last,
+            self._mounts,
+            self._range_max_m,
+            self._points(),
+        )
 
     def forget(self) -> None:
         """A new scan knows better."""
@@ -83,7 +90,7 @@ class EchoMemory:
             return None
         here = pose_robot_in_map
         c, s = math.cos(here.heading), math.sin(here.heading)
-        piece = _nearest_danger(self._pieces[: self._count], here.x, here.y, c, s, ahead_m, room_m)
+        piece = _nearest_danger(self._pieces, self._count, here.x, here.y, c, s, ahead_m, room_m)
         if piece < 0:
             return None
         x, y, nx, ny, half, _ = self._pieces[piece]
@@ -93,6 +100,49 @@ class EchoMemory:
 
 
 @kernel
+def _note(pieces, count, poses, rings, last, mounts, range_max, points):  # type: ignore[no-untyped-def]
+    """Doubt, forget and add pieces, tick by tick; how many are held. `last` goes on to the last ring."""
+    fresh = np.empty((len(NORMALS_RAD) * len(last), COLUMNS))
+    for tick in range(len(poses)):
+        x, y, heading = poses[tick, 0], poses[tick, 1], poses[tick, 2]
+        c, s = math.cos(heading), math.sin(heading)
+        heard = 0
+        for i in range(len(last)):
+            range_m = rings[tick, i]
+            if range_m == last[i]:
+                continue
+            last[i] = range_m
+            disc_x, disc_y = x + c * mounts[i, 0] - s * mounts[i, 1], y + s * mounts[i, 0] + c * mounts[i, 1]
+            axis = heading + mounts[i, 2]
+            count = _refute(pieces, count, disc_x, disc_y, axis, range_m, range_m >= range_max)
+            if range_m < HEARD_WITHIN_M:
+                for off in NORMALS_RAD:
+                    _piece(disc_x, disc_y, axis + off, range_m, points, fresh[heard])
+                    heard += 1
+        if heard:
+            count = _forget_far(pieces, count, x, y)
+            for i in range(heard):
+                _copy(fresh[i], pieces[count])
+                count += 1
+    return count
+
+
+@inner_kernel
+def _piece(x, y, direction, range_m, points, piece):  # type: ignore[no-untyped-def]
+    """What an echo from this direction stands for: a wall across it, or a point of the map."""
+    c, s = math.cos(direction), math.sin(direction)
+    piece[0], piece[1], piece[2], piece[3] = x + range_m * c, y + range_m * s, c, s
+    piece[4] = 0.0 if any_within(points, piece[0], piece[1], POINT_WITHIN_M) else HALF_LENGTH_M
+    piece[5] = 0.0
+
+
+@inner_kernel
+def _copy(row, to):  # type: ignore[no-untyped-def]
+    for column in range(COLUMNS):  # a whole row at once takes three seconds to compile
+        to[column] = row[column]
+
+
+@inner_kernel
 def _refute(pieces, count, x, y, heading, range_m, silent):  # type: ignore[no-untyped-def]
     """Doubt what this ping should have heard before it heard something, or nothing; how many pieces are left.
 
@@ -120,28 +170,27 @@ def _refute(pieces, count, x, y, heading, range_m, silent):  # type: ignore[no-u
                 continue
             piece[4], piece[5] = 0.0, 0.0
         if kept != i:
-            pieces[kept] = piece
+            _copy(piece, pieces[kept])
         kept += 1
     return kept
 
 
-@kernel
+@inner_kernel
 def _forget_far(pieces, count, x, y):  # type: ignore[no-untyped-def]
     """Move the pieces near the robot to the front, in their order; how many they are."""
     kept = 0
     for i in range(count):
         if math.hypot(pieces[i, 0] - x, pieces[i, 1] - y) <= KEPT_M:
-            for column in range(pieces.shape[1]):  # a whole row at once takes three seconds to compile
-                pieces[kept, column] = pieces[i, column]
+            _copy(pieces[i], pieces[kept])
             kept += 1
     return kept
 
 
-@kernel
-def _nearest_danger(pieces, x, y, c, s, ahead, room):  # type: ignore[no-untyped-def]
+@inner_kernel
+def _nearest_danger(pieces, count, x, y, c, s, ahead, room):  # type: ignore[no-untyped-def]
     """The piece that a drive would come nearest to, of those that it would come too near to; -1 for none."""
     nearest, found = np.inf, -1
-    for i in range(len(pieces)):
+    for i in range(count):
         piece = pieces[i]
         now = _distance(piece, x, y)
         then = min(
@@ -155,7 +204,7 @@ def _nearest_danger(pieces, x, y, c, s, ahead, room):  # type: ignore[no-untyped
     return found
 
 
-@kernel
+@inner_kernel
 def _distance(piece, x, y):  # type: ignore[no-untyped-def]
     """From a point to a piece, [m]."""
     dx, dy = x - piece[0], y - piece[1]

@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.geometry import Array, Pose
-from sonar_explore.mapping.near import any_within, any_within_in_blocks
+from sonar_explore.mapping.near import any_within_in_blocks
 from sonar_explore.mapping.occupancy import Look, OccupancyGrid, OccupancyMapper, look_of
 from sonar_explore.measurement import Scan
 from sonar_explore.planning.paths import SafePaths
 from sonar_explore.slam import Slam
 from sonar_explore.slam.features import Feature
 
-POINT_WITHIN_M = 0.12
 FAMILIAR_M = 0.35
 
 
@@ -39,15 +38,25 @@ class Surroundings:
         """Where the ring shut the way: index of the last scan, and a piece of wall in its robot frame."""
         self._grids: dict[bool, OccupancyGrid] = {}
         """Of the map as it is, believed and doubted: whichever was asked for."""
-        self._plans: dict[tuple[bool, float, float, bool], SafePaths] = {}
+        self._plans: dict[tuple[bool, tuple[int, int], bool], SafePaths] = {}
         self.version = 0
         """Counts the changes of the evidence."""
         self.daring = False
         """Whether ways may lead nearer to the unknown, and into gaps that the map draws too narrow."""
         self.doubtful = False
         """Whether only what is sure of the walls is believed."""
-        self.grid: OccupancyGrid
-        """The map; there from the first scan on."""
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The map; there from the first scan on. Drawn when somebody looks at it."""
+        if self.doubtful not in self._grids:
+            poses = [entry.pose for entry in self._slam.scans]
+            obstacles = [poses[i].transform(o.reshape(-1, 2)).reshape(-1, 4) for i, o in self._obstacles]
+            walls = np.vstack(obstacles) if obstacles else np.zeros((0, 4))
+            self._grids[self.doubtful] = self._mapper.draw(
+                poses, self._looks, self._trails, walls, doubtful=self.doubtful
+            )
+        return self._grids[self.doubtful]
 
     @property
     def scans(self) -> int:
@@ -93,17 +102,10 @@ class Surroundings:
     def believe(self, *, doubtful: bool) -> None:
         """Take the map as it is, or only what is sure of its walls."""
         self.doubtful = doubtful
-        if doubtful not in self._grids:
-            poses = [entry.pose for entry in self._slam.scans]
-            obstacles = [poses[i].transform(o.reshape(-1, 2)).reshape(-1, 4) for i, o in self._obstacles]
-            walls = np.vstack(obstacles) if obstacles else np.zeros((0, 4))
-            grid = self._mapper.draw(poses, self._looks, self._trails, walls, doubtful=doubtful)
-            self._grids[doubtful] = grid
-        self.grid = self._grids[doubtful]
 
     def paths(self, pose: Pose) -> SafePaths:
-        """Safe paths from here; those of before where neither the map nor the robot has changed."""
-        key = (self.doubtful, pose.x, pose.y, self.daring)
+        """Safe paths from here; those of before where neither the map nor the robot's cell has changed."""
+        key = (self.doubtful, self.grid.frame.cell(pose.x, pose.y), self.daring)
         if key not in self._plans:
             config = self._config.planning
             self._plans[key] = SafePaths(
@@ -117,9 +119,10 @@ class Surroundings:
         begins = np.cumsum([0, *(len(part) for part in parts[:-1])])
         return np.vstack(parts), begins
 
-    def is_point(self, x: float, y: float) -> bool:
-        """Whether the map has an edge, a corner or a thin column at a place."""
-        return any_within(self._mapper.recent_points, x, y, POINT_WITHIN_M)
+    @property
+    def recent_points(self) -> Array:
+        """Edges, corners and thin columns that the last scans saw, x y, shape (n, 2), map frame, [m]."""
+        return self._mapper.recent_points
 
     def familiar_room(self, paths: SafePaths) -> Callable[[float, float], float]:
         """Room of a place on the map; none where the body has not been near, for the map may miss a wall there.
@@ -139,4 +142,3 @@ class Surroundings:
         self.version += 1
         self._grids.clear()
         self._plans.clear()
-        self.believe(doubtful=self.doubtful)

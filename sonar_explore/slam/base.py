@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Protocol
 
@@ -150,6 +151,10 @@ class Slam(Protocol):
 
     def predict(self, pose_robot_in_odometry: Pose) -> Pose:
         """Carry the belief along with the odometry since the last call."""
+        ...
+
+    def predict_along(self, odometry: Sequence[Pose]) -> list[Pose]:
+        """`predict` at each of these readings."""
         ...
 
     def place(self, pose_robot_in_map: Pose) -> None:

@@ -11,11 +11,13 @@ with them.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sonar_explore.compiled import inner_kernel
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.agreement import TurnError
@@ -96,6 +98,29 @@ class OdometryFilter:
         c, s = math.cos(pose.heading), math.sin(pose.heading)
         heading = turn * (1.0 + self.turn_error) + own * self.own_error + x * self.bend_rad_m
         return Pose(pose.x + c * x - s * y, pose.y + s * x + c * y, pose.heading + heading)
+
+    def moved_along(self, pose: Pose, before: Pose, after: Sequence[Pose]) -> list[Pose]:
+        """`moved` from each reading of the odometry to the next; the pose after each. For turns, in one call."""
+        if self.config.enabled:
+            odometry = np.array([(p.x, p.y, p.heading) for p in (before, *after)])
+            begin = np.array([pose.x, pose.y, pose.heading])
+            wheels = np.array([self.turn_error, self.own_error, self.bend_rad_m])
+            sums = np.array(
+                [self._forward_m, self._turn_rad, self._turned_rad, self._own_rad, self._own_left_rad]
+            )
+            poses = np.empty((len(after), 3))
+            if _turned_along(odometry, begin, wheels, sums, SPREAD_EVERY_M, poses):
+                self._forward_m, self._turn_rad, self._turned_rad, self._own_rad, self._own_left_rad = (
+                    sums.tolist()
+                )
+                found = [pose, *(Pose(*row) for row in poses.tolist())]
+                self._heading_rad = found[-2].heading
+                return found[1:]
+        found = [pose]
+        for here in after:
+            found.append(self.moved(found[-1], before, here))
+            before = here
+        return found[1:]
 
     def unsmeared(self, scan: Scan) -> Scan:
         """The scan with the headings that the robot truly had, as far as is known."""
@@ -225,3 +250,29 @@ class OdometryFilter:
         p[Y, X] += c * s * noise
         p[HEADING, HEADING] += cfg.turn_rad**2 * turned_rad / math.tau + cfg.drift_rad**2 * distance
         self.covariance = p
+
+
+@inner_kernel
+def _turned_along(odometry, begin, wheels, sums, most_forward, poses):  # type: ignore[no-untyped-def]
+    """The poses, and the sums on the way; False where the robot moved on so far that the covariance must spread."""
+    pose_x, pose_y, pose_heading = begin[0], begin[1], begin[2]
+    turn_error, own_error, bend = wheels[0], wheels[1], wheels[2]
+    for i in range(len(poses)):
+        bx, by, heading = odometry[i, 0], odometry[i, 1], odometry[i, 2]
+        ax, ay, turn = odometry[i + 1, 0], odometry[i + 1, 1], odometry[i + 1, 2] - heading
+        c, s = math.cos(heading), math.sin(heading)
+        x = -c * bx - s * by + c * ax + s * ay
+        y = s * bx - c * by - s * ax + c * ay
+        own = min(max(turn, min(0.0, sums[4])), max(0.0, sums[4]))
+        sums[4] -= own
+        sums[3] += own
+        sums[0] += x
+        sums[1] += turn
+        sums[2] += abs(turn - own)
+        if abs(sums[0]) > most_forward:
+            return False
+        c, s = math.cos(pose_heading), math.sin(pose_heading)
+        pose_x, pose_y = pose_x + c * x - s * y, pose_y + s * x + c * y
+        pose_heading += turn * (1.0 + turn_error) + own * own_error + x * bend
+        poses[i, 0], poses[i, 1], poses[i, 2] = pose_x, pose_y, pose_heading
+    return True

@@ -60,6 +60,14 @@ class ChainSlam:
         self._odometry = pose_robot_in_odometry
         return self.pose
 
+    def predict_along(self, odometry: Sequence[Pose]) -> list[Pose]:
+        """`predict` at each of these readings, the pose after each."""
+        if self._odometry is None:
+            return [self.predict(pose) for pose in odometry]
+        poses = self._filter.moved_along(self.pose, self._odometry, odometry)
+        self.pose, self._odometry = poses[-1], odometry[-1]
+        return poses
+
     def place(self, pose_robot_in_map: Pose) -> None:
         """Say from outside where the robot stands when the next scan begins: that scan is mapped there."""
         if not all(map(math.isfinite, (pose_robot_in_map.x, pose_robot_in_map.y, pose_robot_in_map.heading))):

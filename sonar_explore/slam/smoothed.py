@@ -35,6 +35,10 @@ class SmoothedSlam(ChainSlam):
             self._motion.add(self._odometry, pose_robot_in_odometry)
         return super().predict(pose_robot_in_odometry)
 
+    def predict_along(self, odometry: Sequence[Pose]) -> list[Pose]:
+        """`predict` at each of these readings, the pose after each."""
+        return [self.predict(pose) for pose in odometry]
+
     def update(self, scan: Scan) -> ScanUpdate:
         """Section III first, then everything again."""
         known = self._filter.turn_error

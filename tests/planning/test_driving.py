@@ -21,7 +21,9 @@ def driver_in(walls, start=ORIGIN):
     rows = np.array(walls, dtype=float).reshape(-1, 4)
     world = World("field", "A field", rows, np.zeros(len(rows)), np.zeros((0, 3)), start, False)
     robot = Simulator(world, CONFIG, np.random.default_rng(0))
-    return robot, Driver(robot, CONFIG.robot, lambda: robot.true_pose, lambda x, y: False, DrivingConfig())
+    return robot, Driver(
+        robot, CONFIG.robot, lambda: robot.true_pose, lambda: np.zeros((0, 2)), DrivingConfig()
+    )
 
 
 def unfamiliar(x, y):

@@ -2,6 +2,7 @@
 """The filter learns what is wrong with the wheels, and knows what they cannot have done."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -123,3 +124,31 @@ def test_no_association_no_correction():
     here = Pose(0.3, 0.2, 0.1)
     none = residuals(0.0, 0.0, np.zeros((0, 2)))
     assert OdometryFilter(ON).corrected(here, none, np.zeros(0)) == here
+
+
+@settings(deadline=None)
+@given(
+    st.booleans(),
+    st.floats(-7, 7),
+    st.lists(
+        st.tuples(st.sampled_from([0.0, 0.0, 0.004, -0.03]), st.floats(-0.1, 0.1)), min_size=1, max_size=60
+    ),
+)
+def test_a_belief_carried_along_in_one_call_is_that_of_single_bits(enabled, scan_turn, motions):
+    readings = [Pose(0.3, -0.2, 1.0)]
+    for forward, turn in motions:
+        readings.append(readings[-1] @ Pose(forward, 0.0, turn))
+    found = []
+    for together in (True, False):
+        belief = OdometryFilter(FilterConfig(enabled=enabled))
+        belief.turn_error, belief.bend_rad_m, belief.own_error = 0.01, 0.02, -0.003
+        belief._own_left_rad = scan_turn
+        poses = [Pose(1.0, 2.0, 0.5)]
+        if together:
+            poses += belief.moved_along(poses[0], readings[0], readings[1:])
+        else:
+            for before, after in pairwise(readings):
+                poses.append(belief.moved(poses[-1], before, after))
+        belief._spread()
+        found.append((poses, belief.covariance.tolist(), belief._own_left_rad))
+    assert found[0] == found[1]
