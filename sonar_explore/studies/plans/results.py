@@ -29,7 +29,7 @@ class Miss(StrEnum):
 
     UNEXPLORED = "unexplored"
     CONTACT = "contact"
-    STEP_LIMIT = "step limit"
+    SCAN_LIMIT = "scan limit"
     EXCEPTION = "exception"
 
 
@@ -88,7 +88,7 @@ class Run(msgspec.Struct, frozen=True):
         missed = {
             Miss.UNEXPLORED: s.explored_fraction < LEAST_EXPLORED,
             Miss.CONTACT: s.contacts > 0,
-            Miss.STEP_LIMIT: s.end_reason == "scan_limit",
+            Miss.SCAN_LIMIT: s.end_reason == "scan_limit",
         }
         return tuple(miss for miss, is_so in missed.items() if is_so)
 
