@@ -40,6 +40,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno()
         )  # or the interpreter's last flush complains
         return EXIT_BROKEN_PIPE
+    except OSError as error:  # a name too long, a disk that went away
+        if error.filename is None:
+            raise
+        return _complain(f"{error.filename}: {error.strerror}")
 
 
 def _complain(message: str, status: int = EXIT_BAD_INPUT) -> int:

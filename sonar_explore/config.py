@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from sonar_explore.checks import check_numbers
 from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.envs.simulator import SimulatorConfig
-from sonar_explore.errors import unknown_name
+from sonar_explore.errors import SonarExploreError, unknown_name
 from sonar_explore.mapping.occupancy import MappingConfig
 from sonar_explore.planning.candidates import CandidateConfig
 from sonar_explore.planning.driving import DrivingConfig
@@ -15,6 +16,14 @@ from sonar_explore.sensors import sensor_preset
 from sonar_explore.slam import SlamConfig
 
 SCANS = ("turn", "ring")
+MAY_BE_ZERO = (
+    *("wall_margin_m", "continuation_rad", "pivot_m", "pivot_turn_rad", "trim_m", "sure_m", "still_m"),
+    *("point_weight", "core_weight", "fresh_scans", "fresh_weight", "body_weight"),
+    *("margin_m", "comfort_weight", "speck_m2", "unknown_credit_m", "escape_m"),
+    *("least_room_m", "chain_grows_m", "least_area_m2", "area_per_m", "apart_m"),
+    *("brake_m", "side_m", "tight_m", "glance_rad"),
+)
+MAY_BE_NEGATIVE = ("daring_margin_m",)
 
 
 @dataclass(frozen=True)
@@ -37,6 +46,10 @@ class ExplorationConfig:
     def __post_init__(self) -> None:
         if self.scan not in SCANS:
             raise unknown_name("scan", self.scan, SCANS)
+        if not self.max_scans >= 1:
+            raise SonarExploreError(f"max_scans is {self.max_scans}; at least 1 is possible")
+        for part in ("mapping", "planning", "candidates", "driving"):
+            check_numbers(getattr(self, part), part, or_zero=MAY_BE_ZERO, or_negative=MAY_BE_NEGATIVE)
 
     def with_sensor(self, name: str) -> ExplorationConfig:
         """The same robot with another sonar (`sonar_explore.sensors`), and SLAM told of it."""

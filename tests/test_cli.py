@@ -82,6 +82,9 @@ def assert_refused(capsys: Capture, arguments: list[str], *words: str, status: i
         (["run", "loop", "--max-scans", "0"], ["--max-scans"]),
         (["run", "loop", "bend"], ["bend"]),
         (["worlds", "loop"], ["loop"]),
+        (["reproduce", "--worlds", " , "], ["--worlds", "no name"]),
+        (["run", "loop", "--out", "x" * 300], ["cannot write into", "too long"]),
+        (["world", "x" * 300], ["too long"]),
         (["report"], ["EPISODE"]),
         (["report", "none.json"], ["cannot read none.json"]),
     ],
@@ -134,6 +137,27 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_run(
     assert_refused(capsys, ["run", "loop", "--out", "shut"], "cannot write into shut: Permission denied")
     assert runner.calls == []
     assert tree(folder) == []
+
+
+def test_a_log_that_cannot_be_written_is_refused_before_the_run(
+    capsys: Capture, folder: Path, runner: SimpleNamespace
+) -> None:
+    (folder / "taken").mkdir()
+    assert_refused(capsys, ["run", "loop", "--log", "taken"], "cannot write taken")
+    assert runner.calls == []
+    assert tree(folder) == ["taken"]
+
+
+def test_an_export_that_cannot_be_written_whole_is_not_begun(
+    capsys: Capture, folder: Path, runner: SimpleNamespace
+) -> None:
+    cli.main(["run", "loop", "--out", "a"])
+    capsys.readouterr()
+    before = tree(folder)
+    (folder / "taken.yaml").mkdir()
+    for last in (["--map", "none/map"], ["--truth", "none/true.txt"], ["--map", "taken"]):
+        assert_refused(capsys, ["export", "a/episode.json", "--tum", "way.txt", *last], "cannot write")
+    assert tree(folder) == [*before, "taken.yaml"]
 
 
 def test_a_failed_run_leaves_the_older_one_as_it_was(

@@ -23,9 +23,9 @@ def make_agent(name: str) -> ExplorationPolicy:
     """The policy of this name, or of this path `module:Name`."""
     points = _points()
     if name in points:
-        made = _load(name, points[name])()
+        made = _made(name, points[name])
     elif ":" in name:
-        made = _load(name, EntryPoint(name, name, GROUP))()
+        made = _made(name, EntryPoint(name, name, GROUP))
     else:
         raise unknown_name("agent", name, [*points, "module:Name"])
     if not callable(getattr(made, "choose", None)):
@@ -40,11 +40,22 @@ def _points() -> dict[str, EntryPoint]:
     return {point.name: point for point in entry_points(group=GROUP)}
 
 
+def _made(name: str, point: EntryPoint) -> Any:
+    try:
+        return _load(name, point)()
+    except TypeError as error:  # no class at all, or one that wants arguments
+        raise SonarExploreError(
+            f"agent {name!r} cannot be made: {error}; a class without arguments can"
+        ) from error
+
+
 def _load(name: str, point: EntryPoint) -> Any:
     try:
+        if not EntryPoint.pattern.match(point.value):
+            raise ImportError("no names of a module and a class")
         importlib.invalidate_caches()
         return point.load()
-    except (ImportError, AttributeError, ValueError) as error:
+    except (ImportError, AttributeError, ValueError, SyntaxError) as error:
         where = "module:Name, the module in the working folder, on PYTHONPATH or installed"
         raise SonarExploreError(f"agent {name!r} cannot be loaded: {error}; give {where}") from error
 

@@ -78,9 +78,9 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
 
     ## Arguments
     `world`: a shipped name, a file, one generated world such as `generated/office-17`, or a generator such as
-    `generated/office`, which draws a new world at each reset. `slam`: `chain`, `literal`, `smoothed`, `off` or
-    `truth`. `noise`: odometry preset `paper`, `ideal`, `worn`, or None to take `config`'s. `config`: an
-    `ExplorationConfig`. `max_scans`: None to take `config`'s. `max_candidates`, `max_chains`, `map_shape`: sizes of
+    `generated/office`, which draws a new world at each reset. `slam`: `chain`, `literal`, `smoothed`,
+    `grid-pf`, `scan-match`, `off` or `truth`. `noise`: odometry preset `paper`, `ideal`, `worn`, or None to take
+    `config`'s. `config`: an `ExplorationConfig`. `max_scans`: None to take `config`'s. `max_candidates`, `max_chains`, `map_shape`: sizes of
     the observation, the same for every world that is drawn. `render_mode`: `rgb_array` or `ansi`.
 
     ## Version History
@@ -104,8 +104,6 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
         config = config or ExplorationConfig()
         config = config if max_scans is None else replace(config, max_scans=max_scans)
         self.config = config if noise is None else config.with_noise(noise)
-        if self.config.max_scans < 1:
-            raise SonarExploreError(f"max_scans is {self.config.max_scans}; at least 1 is possible")
         if max_candidates < self.config.candidates.most:
             raise SonarExploreError(
                 f"max_candidates is {max_candidates}, fewer than the {self.config.candidates.most} "

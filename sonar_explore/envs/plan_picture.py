@@ -99,9 +99,8 @@ def save(figure: Figure, path: Path, dpi: int = 110) -> None:
     try:
         figure.savefig(path, dpi=dpi)
     except (OSError, ValueError) as error:
-        raise SonarExploreError(
-            f"cannot write the picture {str(path)!r}: {' '.join(str(error).split())}"
-        ) from None
+        why = " ".join(str(getattr(error, "strerror", None) or error).split())
+        raise SonarExploreError(f"cannot write the picture {str(path)!r}: {why}") from None
 
 
 def _swept(centres: np.ndarray, radius_cells: float) -> np.ndarray:

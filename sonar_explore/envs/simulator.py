@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sonar_explore.amigobot import AmigoBot
+from sonar_explore.checks import check_numbers
 from sonar_explore.envs.acoustics import (
     SonarPhysics,
     ear,
@@ -28,6 +29,11 @@ from sonar_explore.measurement import Scan
 from sonar_explore.ring import RingPlan
 
 SCAN_STEP_RAD = math.radians(4.0)  # section IV: 90 readings a turn
+MAY_BE_ZERO = (
+    *("robot.scan_sonar", "robot.range_min_m"),
+    *("sonar.roughness", "sonar.sigma_m", "sonar.sigma_per_m", "sonar.dropout", "sonar.temperature_error_k"),
+    *("noise.turn_sigma_rad", "noise.drift_sigma_rad", "noise.distance_sigma_m"),
+)
 
 
 @dataclass(frozen=True)
@@ -41,6 +47,9 @@ class SimulatorConfig:
     """Turn between two readings of a scan, [rad]; must divide a full turn."""
     scan_all_discs: bool = True
     """Beyond the paper: all eight discs are recorded while the robot turns, not one."""
+
+    def __post_init__(self) -> None:
+        check_numbers(self, "simulator", or_zero=MAY_BE_ZERO)
 
 
 class Simulator:

@@ -194,7 +194,8 @@ def _read_options(name: str, options: dict[str, str]) -> ReadOptions:
         resolution = float(options["resolution"]) if "resolution" in options else None
         numbers = [float(n) for n in options["start"].split(",")] if "start" in options else []
     except ValueError:
-        raise SonarExploreError(f"{name}: an option that is no number: {options}") from None
+        said = "&".join(f"{key}={value}" for key, value in options.items())
+        raise SonarExploreError(f"{name}: a value is no number: {said}") from None
     if numbers and len(numbers) not in (2, 3):
         raise SonarExploreError(f"{name}: start is x,y or x,y,degrees; got {options['start']!r}")
     start = Pose(numbers[0], numbers[1], math.radians(([*numbers, 0.0])[2])) if numbers else None

@@ -110,14 +110,17 @@ def report(episode: Path, out: Path | None) -> None:
 )
 def export(episode: Path, tum: Path | None, truth: Path | None, map_name: Path | None) -> None:
     """Write EPISODE, an episode.json, in formats of others: TUM trajectories, a ROS map."""
-    from sonar_explore.episodes.export import write_ros_map, write_trajectory
-    from sonar_explore.episodes.files import load_record
+    from sonar_explore.episodes.export import ros_map_files, write_ros_map, write_trajectory
+    from sonar_explore.episodes.files import load_record, refuse_unwritable
     from sonar_explore.reports.raster import grid_states
 
     if tum is None and truth is None and map_name is None:
         raise SonarExploreError("say what to export: --tum FILE, --truth FILE, --map NAME")
     record = load_record(episode)
     states = grid_states(record.grid)
+    refuse_unwritable(
+        *(file for file in (tum, truth) if file), *(ros_map_files(map_name) if map_name else ())
+    )
     for path, true in ((tum, False), (truth, True)):
         if path is not None:
             write_trajectory(record, path, true=true)
@@ -160,12 +163,13 @@ def _recorder(log: Path | None, sensor: str) -> Iterator[Recorder | None]:
     if log is None:
         yield None
         return
-    from sonar_explore.episodes.files import writable_folder
+    from sonar_explore.episodes.files import refuse_unwritable, writable_folder
     from sonar_explore.replay.files import write_log
     from sonar_explore.replay.log import Recorder
 
     recorder = Recorder(sensor)
     with writable_folder(log.parent):
+        refuse_unwritable(log)
         yield recorder
         write_log(recorder.log, log)
 

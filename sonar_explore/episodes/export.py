@@ -43,13 +43,18 @@ def write_ros_map(record: EpisodeRecord, name: Path, states: np.ndarray) -> tupl
     Args:
         states: of the grid's cells, shape (rows, columns), row 0 the lowest y.
     """
-    name = name.with_suffix("") if name.suffix in (".yaml", ".pgm") else name
-    if not name.name.strip():
-        raise SonarExploreError("a map needs a name")
-    settings, image = (name.with_name(name.name + suffix) for suffix in (".yaml", ".pgm"))
+    settings, image = ros_map_files(name)
     write_atomically(image, pgm(states))
     write_atomically(settings, _settings(record.grid, image.name).encode())
     return settings, image
+
+
+def ros_map_files(name: Path) -> tuple[Path, Path]:
+    """`name.yaml` and `name.pgm`, where the name may end in one of the two."""
+    name = name.with_suffix("") if name.suffix in (".yaml", ".pgm") else name
+    if not name.name.strip():
+        raise SonarExploreError("a map needs a name")
+    return name.with_name(name.name + ".yaml"), name.with_name(name.name + ".pgm")
 
 
 def pgm(states: np.ndarray) -> bytes:

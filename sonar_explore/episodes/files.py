@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import tempfile
 from collections.abc import Iterator
@@ -35,7 +36,7 @@ def write_atomically(path: Path, content: bytes) -> None:
 @contextlib.contextmanager
 def writable_folder(folder: Path) -> Iterator[None]:
     """Make sure that files can be written into `folder` before the work starts; undo it if the work fails."""
-    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    missing = [path for path in (folder, *folder.parents) if not os.path.exists(path)]
     try:
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -48,6 +49,17 @@ def writable_folder(folder: Path) -> Iterator[None]:
             with contextlib.suppress(OSError):  # not there, or no longer empty
                 path.rmdir()
         raise
+
+
+def refuse_unwritable(*files: Path) -> None:
+    """Refuse files that could not be written, before the work starts and before any of them is."""
+    for file in files:
+        try:
+            if file.is_dir():
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+            tempfile.TemporaryFile(dir=file.parent).close()
+        except OSError as error:
+            raise SonarExploreError(f"cannot write {file}: {error.strerror}") from error
 
 
 def save_record(record: EpisodeRecord, path: Path) -> None:

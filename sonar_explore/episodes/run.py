@@ -41,7 +41,7 @@ def run_episode(
     Args:
         world: a name, a file, or a world; a generator such as `generated/office` draws the world by the seed.
         agent: a known name, `module:Name`, or a policy.
-        slam: `chain`, `literal`, `smoothed`, `off` or `truth`.
+        slam: one of `sonar_explore.slam.SLAMS`.
         noise: odometry preset: `paper`, `ideal` or `worn`; None takes the configuration's own.
         seed: fixes everything but the wall time.
         config: every other choice.
@@ -87,6 +87,8 @@ def run_episode(
 
 
 def _checked(decision: Decision, situation: Situation) -> Decision:
+    if not isinstance(decision, Decision):
+        raise SonarExploreError(f"the agent's choose returned {decision!r}; it must return a Decision")
     n = len(situation.candidates)
     if not 0 <= decision.chosen < n or len(decision.scores) != n:
         raise SonarExploreError(

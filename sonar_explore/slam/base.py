@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
+from sonar_explore.checks import check_numbers
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Pose
 from sonar_explore.measurement import Scan
@@ -63,18 +64,9 @@ class SlamConfig:
         )
 
     def __post_init__(self) -> None:
-        _check_positive(self, "slam")
+        check_numbers(self, "slam")
         if self.features.range_min_m >= self.features.range_max_m:
             raise SonarExploreError("slam.features.range_min_m must be less than range_max_m")
-
-
-def _check_positive(config: object, path: str) -> None:
-    for item in fields(config):  # type: ignore[arg-type]
-        value, name = getattr(config, item.name), f"{path}.{item.name}"
-        if is_dataclass(value):
-            _check_positive(value, name)
-        elif not isinstance(value, bool) and not value > 0:
-            raise SonarExploreError(f"{name} must be greater than zero, not {value!r}")
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,17 @@ from typing import Any
 
 import click
 
+from sonar_explore.choices import SLAMS
+
 PAPER_WORLDS = ("paper/corridor", "paper/bend", "paper/loop", "paper/open-loop", "paper/rooms")
 ARMS = ("chain", "off")
 
 
 def _names(_: click.Context, __: click.Parameter, text: str) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    if not names:
+        raise click.BadParameter("no name; give one or more, comma between")
+    return names
 
 
 def _options(
@@ -52,7 +57,7 @@ def _options(
     default=",".join(ARMS),
     show_default=True,
     callback=_names,
-    help="Of chain, off, literal, smoothed and truth.",
+    help="Of " + ", ".join(SLAMS) + ".",
 )
 def reproduce(arms: tuple[str, ...], **choices: Any) -> None:
     """Run the paper's worlds with and without SLAM over many seeds; make tables and pages."""

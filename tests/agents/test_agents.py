@@ -142,6 +142,10 @@ def test_a_policy_is_found_by_module_and_name():
         ("nowhere_to_be_found:Policy", "cannot be loaded"),
         (f"{__name__}:Missing", "cannot be loaded"),
         (f"{__name__}:NoPolicy", "no method choose"),
+        (":", "cannot be loaded: no names of a module and a class; give module:Name"),
+        ("my-module:Policy", "cannot be loaded: no names of a module and a class; give module:Name"),
+        ("json:dumps", "cannot be made: .* missing 1 required"),
+        ("json:__name__", "cannot be made: .* not callable"),
     ],
 )
 def test_a_name_that_is_no_policy_is_one_line_that_helps(name, words):

@@ -143,6 +143,18 @@ def test_a_policy_that_chooses_what_is_not_there_is_an_error(policy):
         run_episode("paper/corridor", policy)
 
 
+class Silent:
+    """Forgets to return its decision."""
+
+    def choose(self, situation):
+        Decision(0, (Score({}),) * len(situation.candidates))
+
+
+def test_a_policy_that_decides_nothing_is_an_error_that_says_so():
+    with pytest.raises(SonarExploreError, match="returned None; it must return a Decision"):
+        run_episode("paper/corridor", Silent())
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

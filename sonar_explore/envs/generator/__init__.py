@@ -96,5 +96,6 @@ def parse_name(name: str, options: dict[str, str]) -> GeneratorName:
         seed = int(options["seed"]) if "seed" in options else None
         difficulty = float(options.get("difficulty", DEFAULT_DIFFICULTY))
     except ValueError:
-        raise SonarExploreError(f"{name}: an option that is no number: {options}") from None
+        said = "&".join(f"{key}={value}" for key, value in options.items())
+        raise SonarExploreError(f"{name}: a value is no number: {said}") from None
     return GeneratorName(match.group(1), seed if match.group(2) is None else int(match.group(2)), difficulty)
