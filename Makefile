@@ -12,7 +12,7 @@ SEEDS ?= 100
 .DEFAULT_GOAL := help
 
 help: ## show this
-	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 16
+	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
 
 run: $(READY) ## explore a building (WORLD=paper/rooms) and write a report
 	$(BIN)/sonar-explore run $(WORLD)
