@@ -26,9 +26,9 @@ from sonar_explore.slam.features import (
     FeatureConfig,
     FeatureKind,
     extract_features,
-    extract_walls,
     tangent,
 )
+from sonar_explore.slam.heard import walls_heard
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,7 @@ def extract(scan: Scan, config: FeatureConfig, agreement: AgreementConfig) -> Ex
     first = extract_features(scan, config)
     if not agreement.enabled or not scan.others:
         return Extraction(first)
-    found = [first, *(extract_walls(other, config) for other in scan.others)]
-    heard = _heard((scan, *scan.others), found)
+    heard = _heard(scan, first, walls_heard(scan.others, config))
     things = [_unwrapped(heard.only(rows)) for rows in _things(heard, agreement)]
     agreed = [_feature(thing, first, config, agreement) for thing in things]
     walls = [t for t, f in zip(things, agreed, strict=True) if f.kind is FeatureKind.WALL]
@@ -110,15 +109,14 @@ def extract(scan: Scan, config: FeatureConfig, agreement: AgreementConfig) -> Ex
     return Extraction(features, _turn_error(walls, agreement))
 
 
-def _heard(discs: Sequence[Scan], found: Sequence[Sequence[Feature]]) -> _Heard:
-    rows = [
-        (k, f.bearing_rad, f.range_m, f.sweep_rad, f.width_rad, _aside(scan.pose_sonar_in_robot))
-        for k, (scan, features) in enumerate(zip(discs, found, strict=True))
-        for f in features
-        if f.kind is FeatureKind.WALL
-    ]
-    disc, *rest = np.array(rows, dtype=float).reshape(-1, 6).T
-    return _Heard(disc.astype(int), *rest)
+def _heard(scan: Scan, first: Sequence[Feature], others: Sequence[Array]) -> _Heard:
+    """The walls among the features of the scan's own disc, and those that the others heard."""
+    own = [(f.bearing_rad, f.range_m, f.sweep_rad, f.width_rad) for f in first if f.kind is FeatureKind.WALL]
+    found = [np.array(own, dtype=float).reshape(-1, 4), *others]
+    counts = [len(walls) for walls in found]
+    aside = [_aside(disc.pose_sonar_in_robot) for disc in (scan, *scan.others)]
+    columns = np.ascontiguousarray(np.concatenate(found).T)
+    return _Heard(np.repeat(np.arange(len(found)), counts), *columns, np.repeat(aside, counts))
 
 
 def _aside(mount: Pose) -> float:

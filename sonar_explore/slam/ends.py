@@ -15,7 +15,7 @@ from sonar_explore.beam import Beam
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.rcd import Rcd
 
-_SLACK_RAD = math.radians(0.5)
+SLACK_RAD = math.radians(0.5)
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,11 @@ class Ends:
     def like_a_plane(self, region: Rcd) -> bool:
         """Whether its width is what a plane's would be: the readings fit into the pattern's width, and no more do."""
         full = self._plane_width_rad(region)
-        if region.width_rad > full + _SLACK_RAD:
+        if region.width_rad > full + SLACK_RAD:
             return False
         if self.first_hidden or self.last_hidden:
             return region.width_rad >= 0.5 * full - self.step_rad
-        return region.width_rad > full - self.room_rad - _SLACK_RAD
+        return region.width_rad > full - self.room_rad - SLACK_RAD
 
     def centred(self, region: Rcd) -> Rcd:
         """The region with a hidden end put where the pattern says it would be, from the other end."""

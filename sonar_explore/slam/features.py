@@ -15,6 +15,7 @@ from sonar_explore.slam.rcd import Rcd, compensated_ranges, regions_of_constant_
 
 __all__ = ["Feature", "FeatureConfig", "FeatureKind", "compensated_ranges", "extract_features"]
 
+ASIDE_M = 0.15  # a corner on the continuation of a wall lies at least this far from the wall's own foot
 ANGLE_SLACK_RAD = 1e-6  # a width of exactly the limit passes, whatever the rounding of the headings
 
 
@@ -121,15 +122,6 @@ def extract_features(scan: Scan, config: FeatureConfig) -> tuple[Feature, ...]:
     return tuple(sorted(features, key=lambda feature: feature.bearing_rad))
 
 
-def extract_walls(scan: Scan, config: FeatureConfig) -> tuple[Feature, ...]:
-    """The walls among `extract_features`."""
-    plateaus = _plateaus(_regions(scan, config), scan, config)
-    walls = [
-        _feature(r, FeatureKind.WALL, scan, config) for r in plateaus if not _is_corner(r, plateaus, config)
-    ]
-    return tuple(sorted(walls, key=lambda feature: feature.bearing_rad))
-
-
 def _regions(scan: Scan, config: FeatureConfig) -> tuple[Rcd, ...]:
     """Regions of constant depth within the reliable range."""
     regions = regions_of_constant_depth(scan, config.tolerance_m)
@@ -188,7 +180,7 @@ def _on_continuation(region: Rcd, wall: Rcd, config: FeatureConfig) -> bool:
     apart = region.bearing_rad - wall.bearing_rad
     aside = region.depth_m * abs(math.sin(apart))
     off = abs(region.depth_m * math.cos(apart) - wall.depth_m)
-    return math.cos(apart) > 0.0 and aside > 0.15 and off <= config.corner_on_wall_m
+    return math.cos(apart) > 0.0 and aside > ASIDE_M and off <= config.corner_on_wall_m
 
 
 def _is_edge(region: Rcd, scan: Scan, config: FeatureConfig) -> bool:

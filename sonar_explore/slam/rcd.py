@@ -59,11 +59,11 @@ def check_scan(scan: Scan) -> None:
             f"a scan needs headings and ranges of one shape (n,), n >= 3; "
             f"got {headings.shape} and {ranges.shape}"
         )
-    if not _all_ranges(np.asarray(ranges, dtype=float)):
+    if not all_ranges(np.asarray(ranges, dtype=float)):
         raise SonarExploreError(
             "a scan's ranges must be finite and not negative; report range_max_m for no echo"
         )
-    if not _one_way_round(np.asarray(headings, dtype=float), scan.bearings_rad):
+    if not one_way_round(np.asarray(headings, dtype=float), scan.bearings_rad):
         raise SonarExploreError("a scan's headings must be finite and run one way round")
     odometry = scan.pose_robot_in_odometry
     if not all(map(math.isfinite, (odometry.x, odometry.y, odometry.heading))):
@@ -90,7 +90,7 @@ def regions_of_constant_depth(scan: Scan, tolerance_m: float) -> tuple[Rcd, ...]
     check_scan(scan)
     n = len(scan.headings_rad)
     rows, readings = np.empty((n, 4)), np.empty((n, 2), dtype=np.int64)
-    count = _regions(
+    count = regions(
         scan.bearings_rad,
         np.asarray(scan.ranges_m, dtype=float),
         *scan.levers,
@@ -102,15 +102,15 @@ def regions_of_constant_depth(scan: Scan, tolerance_m: float) -> tuple[Rcd, ...]
     )
     clockwise = bool(scan.bearings_rad[-1] < scan.bearings_rad[0])
     order = list(range(n - 1, -1, -1) if clockwise else range(n)) * 2
-    regions = [
+    found = [
         Rcd(tuple(order[start : start + length]), *row)
         for row, (start, length) in zip(rows[:count].tolist(), readings[:count].tolist(), strict=True)
     ]
-    return tuple(sorted(regions, key=lambda region: math.remainder(region.bearing_rad, math.tau)))
+    return tuple(sorted(found, key=lambda region: math.remainder(region.bearing_rad, math.tau)))
 
 
 @inner_kernel
-def _all_ranges(ranges):  # type: ignore[no-untyped-def]
+def all_ranges(ranges):  # type: ignore[no-untyped-def]
     """Whether all are finite and not negative."""
     fine = True
     for value in ranges:
@@ -119,7 +119,7 @@ def _all_ranges(ranges):  # type: ignore[no-untyped-def]
 
 
 @inner_kernel
-def _one_way_round(headings, bearings):  # type: ignore[no-untyped-def]
+def one_way_round(headings, bearings):  # type: ignore[no-untyped-def]
     """Whether all headings are finite, and the bearings rise or fall from reading to reading."""
     rising = falling = np.isfinite(headings[0])
     for i in range(1, len(headings)):
@@ -130,7 +130,7 @@ def _one_way_round(headings, bearings):  # type: ignore[no-untyped-def]
 
 
 @inner_kernel
-def _nth(values, n):  # type: ignore[no-untyped-def]
+def nth(values, n):  # type: ignore[no-untyped-def]
     """The value that has n smaller ones before it (Hoare 1961); shuffles `values`."""
     low, high = 0, len(values) - 1
     while low < high:
@@ -151,7 +151,7 @@ def _nth(values, n):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _regions(bearings, ranges, lever_m, lever_rad, range_max, tolerance, tie, rows, readings):  # type: ignore[no-untyped-def]
+def regions(bearings, ranges, lever_m, lever_rad, range_max, tolerance, tie, rows, readings):  # type: ignore[no-untyped-def]
     """First and last bearing, depth and echo of each region into `rows`, its start and length into `readings`.
 
     The readings are put counter-clockwise, and written twice over so that no run ends at the seam; `joined` tells
@@ -166,7 +166,7 @@ def _regions(bearings, ranges, lever_m, lever_rad, range_max, tolerance, tie, ro
     steps, joined = np.empty(2 * n - 1), np.empty(2 * n - 1, dtype=np.bool_)
     for i in range(2 * n - 1):
         steps[i] = around[0, i + 1] - around[0, i]
-    usual = _nth(steps.copy(), n - 1)  # the median, for they are odd in number
+    usual = nth(steps.copy(), n - 1)  # the median, for they are odd in number
     for i in range(2 * n - 1):
         heard = around[1, i] < range_max and around[1, i + 1] < range_max
         joined[i] = heard and 0.0 < steps[i] <= LARGEST_GAP_STEPS * usual
