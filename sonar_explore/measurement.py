@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -49,15 +49,15 @@ class Scan:
     def levers(self) -> tuple[Array, Array]:
         """Of each reading: distance of its disc from the robot's centre [m], and its direction from there relative to
         the beam [rad]; shape (n,) each."""
-        n, ring = len(self.headings_rad), self.ring is not None
-        x, y, heading = (self.discs if ring else self.discs[:1]).T
-        length, direction = np.hypot(x, y), np.arctan2(y, x) - heading
-        return (length, direction) if ring else (np.full(n, length[0]), np.full(n, direction[0]))
+        if self.ring is None:
+            return _levers_of_one(self.pose_sonar_in_robot, len(self.headings_rad))
+        return _levers(self.ring)
 
     @cached_property
     def bearings_rad(self) -> Array:
         """Direction of the beam of each reading in the robot frame, shape (n,), [rad]."""
-        return np.asarray(self.headings_rad, dtype=float) + self.discs[:, 2]
+        turned = self.pose_sonar_in_robot.heading if self.ring is None else self.ring[:, 2]
+        return np.asarray(self.headings_rad, dtype=float) + turned
 
     @cached_property
     def step_rad(self) -> float:
@@ -70,6 +70,17 @@ class Scan:
         c, s = np.cos(self.headings_rad), np.sin(self.headings_rad)
         x, y, _ = self.discs.T
         return np.column_stack([c * x - s * y, s * x + c * y])
+
+
+def _levers(discs: Array) -> tuple[Array, Array]:
+    x, y, heading = discs.T
+    return np.hypot(x, y), np.arctan2(y, x) - heading
+
+
+@lru_cache(maxsize=64)
+def _levers_of_one(disc: Pose, n: int) -> tuple[Array, Array]:
+    length, direction = _levers(np.array([[disc.x, disc.y, disc.heading]]))
+    return np.full(n, length[0]), np.full(n, direction[0])
 
 
 def _median(values: Array) -> float:

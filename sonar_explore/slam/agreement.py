@@ -15,10 +15,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
+from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array, Pose, wrap_angle
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.features import (
@@ -87,7 +89,8 @@ class _Heard:
     """How far the axis of the disc passes from the turning axis, to its left, [m]."""
 
     def only(self, rows: Array) -> _Heard:
-        return _Heard(**{item.name: getattr(self, item.name)[rows] for item in fields(self)})
+        columns = self.disc, self.bearing, self.range, self.sweep, self.width, self.aside
+        return _Heard(*(column[rows] for column in columns))
 
 
 def extract(scan: Scan, config: FeatureConfig, agreement: AgreementConfig) -> Extraction:
@@ -115,40 +118,74 @@ def _heard(scan: Scan, first: Sequence[Feature], others: Sequence[Array]) -> _He
     found = [np.array(own, dtype=float).reshape(-1, 4), *others]
     counts = [len(walls) for walls in found]
     aside = [_aside(disc.pose_sonar_in_robot) for disc in (scan, *scan.others)]
-    columns = np.ascontiguousarray(np.concatenate(found).T)
-    return _Heard(np.repeat(np.arange(len(found)), counts), *columns, np.repeat(aside, counts))
+    bearing, depth, sweep, width = np.ascontiguousarray(np.concatenate(found).T)
+    disc = np.repeat(np.arange(len(found)), counts)
+    return _Heard(disc, bearing, depth, sweep, width, np.repeat(aside, counts))
 
 
+@cache
 def _aside(mount: Pose) -> float:
     return mount.y * math.cos(mount.heading) - mount.x * math.sin(mount.heading)
 
 
 def _things(heard: _Heard, config: AgreementConfig) -> list[np.ndarray]:
     """Rows of each thing that enough discs heard, one row a disc: what most discs heard first, then the closest."""
-    apart = (
-        np.abs(wrap_angle(heard.bearing[:, None] - heard.bearing[None, :])) / config.bearing_rad,
-        np.abs(heard.range[:, None] - heard.range[None, :]) / config.range_m,
-    )
-    distance = np.where((apart[0] <= 1.0) & (apart[1] <= 1.0), apart[0] + apart[1], np.inf)
-    things = []
-    of_disc = [np.flatnonzero(heard.disc == k) for k in np.unique(heard.disc)]
-    while len(distance):
-        nearest = np.column_stack([distance[:, rows].min(axis=1) for rows in of_disc])
-        count = np.isfinite(nearest).sum(axis=1)
-        if count.max() < config.discs_min:
-            break
-        spread = np.where(np.isfinite(nearest), nearest, 0.0).sum(axis=1)
-        seed = np.lexsort((heard.bearing, spread.round(9), -count))[0]
-        members = np.array(
-            [
-                rows[np.argmin(distance[seed, rows])]
-                for rows, near in zip(of_disc, nearest[seed], strict=True)
-                if np.isfinite(near)
-            ]
-        )
-        things.append(members)
-        distance[members, :] = distance[:, members] = np.inf
-    return things
+    n = len(heard.disc)
+    members, ends = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    limits = config.bearing_rad, config.range_m
+    count = _group(heard.disc, heard.bearing, heard.range, *limits, config.discs_min, members, ends)
+    return np.split(members[: ends[count - 1]], ends[: count - 1]) if count else []
+
+
+@kernel
+def _group(disc, bearing, depth, bearing_rad, range_m, discs_min, members, ends):  # type: ignore[no-untyped-def]
+    """The rows of one thing after the other into `members`, where each one's end into `ends`; how many things."""
+    n = len(disc)
+    discs = disc[n - 1] + 1 if n else 0
+    distance = np.full((n, n), np.inf)
+    for i in range(n):
+        for j in range(n):
+            off = math.pi - (math.pi - (bearing[i] - bearing[j])) % (2.0 * math.pi)
+            turned, farther = abs(off) / bearing_rad, abs(depth[i] - depth[j]) / range_m
+            if turned <= 1.0 and farther <= 1.0:
+                distance[i, j] = turned + farther
+    nearest, best = np.empty(discs, dtype=np.int64), np.empty(discs, dtype=np.int64)
+    things = used = 0
+    while True:
+        most, least, seed = 0, np.inf, -1
+        for i in range(n):
+            count, spread = _nearest(distance[i], disc, nearest)
+            spread = np.rint(spread * 1e9) / 1e9
+            closer = seed < 0 or spread < least or (spread == least and bearing[i] < bearing[seed])
+            if count > most or (count == most and closer):
+                most, least, seed = count, spread, i
+        if seed < 0 or most < discs_min:
+            return things
+        _nearest(distance[seed], disc, best)
+        for k in range(discs):
+            if best[k] >= 0:
+                members[used] = best[k]
+                used += 1
+                for i in range(n):
+                    distance[best[k], i] = distance[i, best[k]] = np.inf
+        ends[things] = used
+        things += 1
+
+
+@inner_kernel
+def _nearest(distance, disc, nearest):  # type: ignore[no-untyped-def]
+    """The nearest row of each disc, -1 where all are far: of how many discs, and the sum of their distances."""
+    nearest[:] = -1
+    for i in range(len(distance)):
+        at = nearest[disc[i]]
+        if distance[i] < (distance[at] if at >= 0 else np.inf):
+            nearest[disc[i]] = i
+    count, spread = 0, 0.0
+    for k in range(len(nearest)):
+        if nearest[k] >= 0:
+            count += 1
+            spread += distance[nearest[k]]
+    return count, spread
 
 
 def _unwrapped(thing: _Heard) -> _Heard:
@@ -161,15 +198,16 @@ def _feature(
     thing: _Heard, first: Sequence[Feature], config: FeatureConfig, agreement: AgreementConfig
 ) -> Feature:
     """The wall or the point that all of these heard."""
-    depth = float(thing.range.mean())
+    depth = _mean(thing.range)
     aside = thing.aside / depth
-    lever = aside - aside.mean()
+    middle = _mean(aside)
+    lever = aside - middle
     scatter = float(lever @ lever)
     share = float(lever @ thing.bearing) / scatter if scatter > 1e-9 else 0.0
-    bearing, width = float(thing.bearing.mean()), float(thing.width.mean())
+    bearing, width = _mean(thing.bearing), _mean(thing.width)
     kind = FeatureKind.WALL
     if abs(share) > agreement.point_share:
-        kind, bearing = FeatureKind.EDGE, bearing - share * float(aside.mean())
+        kind, bearing = FeatureKind.EDGE, bearing - share * middle
     own = [f for f in first if f.kind is FeatureKind.WALL and _near(f, bearing, depth, agreement)]
     return Feature(
         kind=kind,
@@ -178,7 +216,7 @@ def _feature(
         width_rad=width,
         segment=tangent(kind, bearing, depth, width, config),
         readings=own[0].readings if own else (),
-        sweep_rad=float(thing.sweep.mean()),
+        sweep_rad=_mean(thing.sweep),
         discs=len(thing.disc),
     )
 
@@ -192,8 +230,14 @@ def _near(feature: Feature, bearing: float, depth: float, config: AgreementConfi
 
 def _turn_error(walls: Sequence[_Heard], config: AgreementConfig) -> TurnError | None:
     """Least squares over all walls: each has one bearing, less the error times how far the robot had turned."""
-    pull = sum(float((w.sweep - w.sweep.mean()) @ w.bearing) for w in walls)
-    weight = sum(float(((w.sweep - w.sweep.mean()) ** 2).sum()) for w in walls)
+    swept = [w.sweep - _mean(w.sweep) for w in walls]
+    pull = sum(float(sweep @ wall.bearing) for sweep, wall in zip(swept, walls, strict=True))
+    weight = sum(float((sweep**2).sum()) for sweep in swept)
     if weight <= 0.0:
         return None
     return TurnError(-pull / weight, config.noise_rad / math.sqrt(weight))
+
+
+def _mean(values: Array) -> float:
+    """`values.mean()`, without its overhead."""
+    return float(np.add.reduce(values)) / len(values)

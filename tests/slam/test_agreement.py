@@ -10,7 +10,7 @@ from synthetic import ROBOT, scan_room
 
 from sonar_explore.geometry import Pose, Segment, wrap_angle
 from sonar_explore.slam import FeatureKind, SlamConfig
-from sonar_explore.slam.agreement import AgreementConfig, extract
+from sonar_explore.slam.agreement import AgreementConfig, _Heard, _things, extract
 
 FEATURES = SlamConfig.robust().features
 ALL = AgreementConfig(enabled=True)
@@ -78,3 +78,37 @@ def test_the_order_of_the_discs_does_not_matter():
     for a, b in zip(found.features, again.features, strict=True):
         assert (a.kind, a.discs) == (b.kind, b.discs)
         assert a.bearing_rad == pytest.approx(b.bearing_rad) and a.range_m == pytest.approx(b.range_m)
+
+
+def plain_things(heard, config):
+    """Rows of each thing: what most discs heard first, then the closest."""
+    apart = (
+        np.abs(wrap_angle(heard.bearing[:, None] - heard.bearing[None, :])) / config.bearing_rad,
+        np.abs(heard.range[:, None] - heard.range[None, :]) / config.range_m,
+    )
+    distance = np.where((apart[0] <= 1.0) & (apart[1] <= 1.0), apart[0] + apart[1], np.inf)
+    things, of_disc = [], [np.flatnonzero(heard.disc == k) for k in np.unique(heard.disc)]
+    while len(distance):
+        nearest = np.column_stack([distance[:, rows].min(axis=1) for rows in of_disc])
+        count = np.isfinite(nearest).sum(axis=1)
+        if count.max() < config.discs_min:
+            break
+        spread = np.where(np.isfinite(nearest), nearest, 0.0).sum(axis=1)
+        seed = np.lexsort((heard.bearing, spread.round(9), -count))[0]
+        heard_it = [rows for rows, near in zip(of_disc, nearest[seed], strict=True) if np.isfinite(near)]
+        members = np.array([rows[np.argmin(distance[seed, rows])] for rows in heard_it])
+        things.append(members.tolist())
+        distance[members, :] = distance[:, members] = np.inf
+    return things
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_things_are_grouped_as_the_plain_form_does(seed):
+    rng = np.random.default_rng(seed)
+    n, walls = int(rng.integers(0, 90)), rng.uniform([-4, 0.3], [4, 2.0], (9, 2))
+    near = walls[rng.integers(0, 9, n)] + rng.normal(0, [0.03, 0.01], (n, 2))
+    none = np.zeros(n)
+    heard = _Heard(np.sort(rng.integers(0, 8, n)), near[:, 0].copy(), near[:, 1].copy(), none, none, none)
+    found = [rows.tolist() for rows in _things(heard, ALL)]
+    assert found == plain_things(heard, ALL)
+    assert found or n < 40
