@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array, Pose, wrap_angle
@@ -117,38 +118,56 @@ def _heard(scan: Scan, first: Sequence[Feature], others: Sequence[Array]) -> _He
     own = [(f.bearing_rad, f.range_m, f.sweep_rad, f.width_rad) for f in first if f.kind is FeatureKind.WALL]
     found = [np.array(own, dtype=float).reshape(-1, 4), *others]
     counts = [len(walls) for walls in found]
-    aside = [_aside(disc.pose_sonar_in_robot) for disc in (scan, *scan.others)]
+    beside = [aside(disc.pose_sonar_in_robot) for disc in (scan, *scan.others)]
     bearing, depth, sweep, width = np.ascontiguousarray(np.concatenate(found).T)
     disc = np.repeat(np.arange(len(found)), counts)
-    return _Heard(disc, bearing, depth, sweep, width, np.repeat(aside, counts))
+    return _Heard(disc, bearing, depth, sweep, width, np.repeat(beside, counts))
 
 
 @cache
-def _aside(mount: Pose) -> float:
+def aside(mount: Pose) -> float:
+    """How far the axis of a disc passes from the turning axis, to its left, [m]."""
     return mount.y * math.cos(mount.heading) - mount.x * math.sin(mount.heading)
 
 
 def _things(heard: _Heard, config: AgreementConfig) -> list[np.ndarray]:
-    """Rows of each thing that enough discs heard, one row a disc: what most discs heard first, then the closest."""
-    n = len(heard.disc)
+    """Rows of each thing that enough discs heard, one row a disc."""
+    distance = np.full((len(heard.disc), len(heard.disc)), np.inf)
+    _compare(heard.bearing, heard.range, config.bearing_rad, config.range_m, distance)
+    return agreeing(distance, heard.disc, heard.bearing, config.discs_min)
+
+
+def agreeing(distance: Array, disc: NDArray[np.int64], order: Array, least: int) -> list[np.ndarray]:
+    """Rows of each thing that enough discs heard, one row a disc: what most discs heard first, then the closest.
+
+    Args:
+        distance: between what was heard, inf where it cannot be one thing, shape (n, n); is used up.
+        disc: which one heard it, rising, shape (n,).
+        order: decides between equals, the least first, shape (n,).
+        least: how many discs must agree.
+    """
+    n = len(disc)
     members, ends = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
-    limits = config.bearing_rad, config.range_m
-    count = _group(heard.disc, heard.bearing, heard.range, *limits, config.discs_min, members, ends)
+    count = _group(distance, disc, order, least, members, ends)
     return np.split(members[: ends[count - 1]], ends[: count - 1]) if count else []
 
 
 @kernel
-def _group(disc, bearing, depth, bearing_rad, range_m, discs_min, members, ends):  # type: ignore[no-untyped-def]
-    """The rows of one thing after the other into `members`, where each one's end into `ends`; how many things."""
-    n = len(disc)
-    discs = disc[n - 1] + 1 if n else 0
-    distance = np.full((n, n), np.inf)
-    for i in range(n):
-        for j in range(n):
+def _compare(bearing, depth, bearing_rad, range_m, distance):  # type: ignore[no-untyped-def]
+    """How unlike walls are in bearing and range, where they are alike enough."""
+    for i in range(len(bearing)):
+        for j in range(len(bearing)):
             off = math.pi - (math.pi - (bearing[i] - bearing[j])) % (2.0 * math.pi)
             turned, farther = abs(off) / bearing_rad, abs(depth[i] - depth[j]) / range_m
             if turned <= 1.0 and farther <= 1.0:
                 distance[i, j] = turned + farther
+
+
+@kernel
+def _group(distance, disc, order, least_discs, members, ends):  # type: ignore[no-untyped-def]
+    """The rows of one thing after the other into `members`, where each one's end into `ends`; how many things."""
+    n = len(disc)
+    discs = disc[n - 1] + 1 if n else 0
     nearest, best = np.empty(discs, dtype=np.int64), np.empty(discs, dtype=np.int64)
     things = used = 0
     while True:
@@ -156,10 +175,10 @@ def _group(disc, bearing, depth, bearing_rad, range_m, discs_min, members, ends)
         for i in range(n):
             count, spread = _nearest(distance[i], disc, nearest)
             spread = np.rint(spread * 1e9) / 1e9
-            closer = seed < 0 or spread < least or (spread == least and bearing[i] < bearing[seed])
+            closer = seed < 0 or spread < least or (spread == least and order[i] < order[seed])
             if count > most or (count == most and closer):
                 most, least, seed = count, spread, i
-        if seed < 0 or most < discs_min:
+        if seed < 0 or most < least_discs:
             return things
         _nearest(distance[seed], disc, best)
         for k in range(discs):
@@ -199,9 +218,9 @@ def _feature(
 ) -> Feature:
     """The wall or the point that all of these heard."""
     depth = _mean(thing.range)
-    aside = thing.aside / depth
-    middle = _mean(aside)
-    lever = aside - middle
+    beside = thing.aside / depth
+    middle = _mean(beside)
+    lever = beside - middle
     scatter = float(lever @ lever)
     share = float(lever @ thing.bearing) / scatter if scatter > 1e-9 else 0.0
     bearing, width = _mean(thing.bearing), _mean(thing.width)

@@ -43,6 +43,8 @@ class ChainSlam:
         self._smear = 0.0
         """The error of the turn of the last scan that its features are already free of."""
         self._turn_heard: TurnError | None = None
+        self._unsmeared: Scan | None = None
+        """The last scan with the headings that the robot had, as far as was known before it."""
 
     @property
     def scans(self) -> tuple[ScanEntry, ...]:
@@ -80,7 +82,8 @@ class ChainSlam:
         """One scan, through section III in its order."""
         config, index = self.config, len(self._entries)
         self._smear = self._filter.turn_error
-        extraction = extract(self._filter.unsmeared(scan), config.features, config.agreement)
+        self._unsmeared = self._filter.unsmeared(scan)
+        extraction = extract(self._unsmeared, config.features, config.agreement)
         predicted, features = self._turned(self._predicted_at(scan), scan, extraction)
         associations = associate(predicted, features, self.chains, config.association)
         residuals = residuals_to_roots(predicted, features, associations, self.chains, config.reference)

@@ -15,6 +15,8 @@ from sonar_explore.slam.association import Association
 from sonar_explore.slam.base import ScanEntry, ScanUpdate, SlamConfig
 from sonar_explore.slam.dual import surviving
 from sonar_explore.slam.motion import MotionSum, RandomWalk
+from sonar_explore.slam.point_matching import matched
+from sonar_explore.slam.points import Point, points_of
 from sonar_explore.slam.residuals import Residuals
 from sonar_explore.slam.slam import ChainSlam, turn_of
 from sonar_explore.slam.smoothing import Sighting, Smoother
@@ -27,6 +29,7 @@ class SmoothedSlam(ChainSlam):
         super().__init__(start, config, robot)
         odometry = config.odometry
         self._smoother = Smoother(start, config.smoothing, (odometry.turn_error, odometry.bend_rad_m))
+        self._points_known = 0
         self._motion = MotionSum(RandomWalk(odometry.turn_rad, odometry.drift_rad, odometry.distance_m))
 
     def predict(self, pose_robot_in_odometry: Pose) -> Pose:
@@ -43,6 +46,9 @@ class SmoothedSlam(ChainSlam):
         """Section III first, then everything again."""
         known = self._filter.turn_error
         update = super().update(scan)
+        assert self._unsmeared is not None
+        points = points_of(self._unsmeared, self.config.features, self.config.points)
+        met = self._met_again(points, update.pose, self._smear - known)
         heard = self._turn_heard and replace(self._turn_heard, relative=self._turn_heard.relative + known)
         self._smoother.add_scan(update.pose, self._motion.total if update.index else None, heard)
         self._motion.clear(turn_of(scan))
@@ -53,11 +59,22 @@ class SmoothedSlam(ChainSlam):
             self._smoother.add_sighting(
                 Sighting(
                     scan=update.index,
-                    chain=chain,
+                    what=chain,
                     bearing_rad=feature.bearing_rad - feature.sweep_rad * self._smear,
                     sweep_rad=feature.sweep_rad,
                     range_m=feature.range_m,
                     discs=feature.discs,
+                )
+            )
+        for point, number in zip(points, met, strict=True):
+            self._smoother.add_point(
+                Sighting(
+                    scan=update.index,
+                    what=number,
+                    bearing_rad=point.bearing_rad - point.sweep_rad * known,
+                    sweep_rad=point.sweep_rad,
+                    range_m=point.range_m,
+                    discs=point.discs,
                 )
             )
         self._smoother.solve()
@@ -73,6 +90,25 @@ class SmoothedSlam(ChainSlam):
         }
         roots = {(self.chains[chain].root.feature_index, chain) for chain in update.new_chains}
         return sorted(kept | roots)
+
+    def _met_again(self, points: Sequence[Point], pose: Pose, turn_error: float) -> list[int]:
+        """The number of each point of this scan: of the one known before that it is, or a new one."""
+        numbers, places = self._smoother.points()
+        out = [self._points_known + k for k in range(len(points))]
+        self._points_known += len(points)
+        if not len(numbers) or not points:
+            return out
+        here = np.array([p.seen_from(pose, turn_error) for p in points])
+        config = self.config.points.matching
+        near = (np.hypot(*(places[:, None] - here[None]).transpose(2, 0, 1)) <= config.reach_m).any(axis=1)
+        numbers, places = numbers[near], places[near]
+        if not len(numbers):
+            return out
+        spread = self._smoother.spread(numbers, places)
+        variance = 0.5 * np.trace(spread, axis1=1, axis2=2)
+        prior = self._filter.covariance[:3, :3]
+        found = matched(here, np.array([pose.x, pose.y]), prior, places, variance, config)
+        return [int(numbers[j]) if j >= 0 else new for j, new in zip(found, out, strict=True)]
 
     def _move_everything(self) -> None:
         poses = [Pose(*map(float, row)) for row in self._smoother.poses]

@@ -7,7 +7,8 @@ measured so far:
 - odometry between scans, with its covariance and its dependence on the two constants of the wheels and on the own
   error of each scan's turn, which the discs of the scan may tell;
 - bearing and range of each associated feature to the line of its chain; a merge puts two chains on one line. All ranges
-  share one scale: the air is warmer or colder than the robot thinks, all day.
+  share one scale: the air is warmer or colder than the robot thinks, all day;
+- bearing and range of each point that was met again to its place (`sonar_explore.slam.points`).
 
 Gauss-Newton with a robust loss (Huber, then Cauchy), so that a false merge bends the map little.
 """
@@ -15,20 +16,27 @@ Gauss-Newton with a robust loss (Huber, then Cauchy), so that a false merge bend
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import SuperLU, splu
 
-from sonar_explore.geometry import Array, Pose, wrap_angle
+from sonar_explore.geometry import Array, Pose
 from sonar_explore.slam.agreement import TurnError
+from sonar_explore.slam.jacobian import (
+    Heard,
+    Robust,
+    Unknowns,
+    anchor,
+    lines_heard,
+    odometry,
+    own_turns,
+    points_heard,
+)
 from sonar_explore.slam.motion import Motion
 from sonar_explore.slam.normal_equations import normal_equations
 
-Robust = Callable[[Array], Array]
-"""Weights of squared residuals, in sigmas."""
 HUBER, CAUCHY = 1.5, 2.0  # sigmas
 
 
@@ -44,6 +52,10 @@ class SmoothingConfig:
     """Random heading error of the full turn of a scan, [rad]."""
     range_m: float = 0.015
     """Of a feature's range, [m]."""
+    point_bearing_rad: float = math.radians(0.45)
+    """Of the bearing of a point, [rad]."""
+    point_range_m: float = 0.006
+    """Of the range of a point, [m]."""
     range_scale: float = 0.005
     """Of all ranges together, relative: 3 K more or less than assumed change the speed of sound by as much."""
     iterations: int = 6
@@ -56,18 +68,23 @@ class SmoothingConfig:
 
 @dataclass(frozen=True)
 class Sighting:
-    """A feature of one scan on one chain."""
+    """A wall on a chain, or a point, as one scan heard it."""
 
     scan: int
-    chain: int
+    what: int
+    """The chain, or the number of the point."""
     bearing_rad: float
-    """Of the normal, as the odometry has it, robot frame at the start of the scan, [rad]."""
+    """Of the normal or of the point, as the odometry has it, robot frame at the start of the scan, [rad]."""
     sweep_rad: float
     """How far the robot had turned when it heard it, signed, [rad]."""
     range_m: float
     """[m]"""
     discs: int = 1
     """How many discs heard it."""
+
+    def as_row(self) -> tuple[float, ...]:
+        """The same as numbers, in this order."""
+        return self.scan, self.what, self.bearing_rad, self.sweep_rad, self.range_m, self.discs
 
 
 class Smoother:
@@ -76,22 +93,31 @@ class Smoother:
     def __init__(self, start: Pose, config: SmoothingConfig, wheel_sigmas: tuple[float, float]) -> None:
         self._config = config
         self._constant_sigmas = np.array([*wheel_sigmas, config.range_scale])
-        self._start = start
+        self._start = np.array([start.x, start.y, start.heading])
         self.poses: Array = np.zeros((0, 3))
         """x, y [m], heading [rad] of every scan, shape (n, 3)."""
         self.constants: Array = np.zeros(3)
-        """Turn error, bend [rad/m] and scale of the ranges (true over measured, less one), the last unknowns."""
+        """Turn error, bend [rad/m] and scale of the ranges (true over measured, less one)."""
         self.own: Array = np.zeros(0)
         """What each scan's own turn has of error beyond that, relative, shape (n,)."""
-        self._turns: list[tuple[int, TurnError]] = []
-        self._lines: dict[int, Array] = {}
+        self._turns: list[tuple[int, float, float]] = []
         self._motions: list[tuple[Array, Array, Array, Array]] = []
         """What whitens each motion, its change, its derivatives by the wheels and by the own turn."""
-        self._sightings: list[Sighting] = []
         self._stacked: tuple[Array, ...] = ()
+        self._lines: dict[int, Array] = {}
+        self._seen: Array = np.zeros((0, 6))
+        """Walls on chains, a row each."""
+        self._points: Array = np.zeros((0, 2))
+        """Places x y of the points that were met again, in the order in which they were, [m]."""
+        self._row_of_point: dict[int, int] = {}
+        self._met: Array = np.zeros((0, 6))
+        """How scans heard them, a row each, by the row of the point."""
+        self._once: dict[int, Sighting] = {}
+        """Points that were heard in one scan alone: they bind nothing yet."""
         self._far_off = True
         """Whether the next solution may be far from here."""
-        self._factor: SuperLU | None = None
+        self._solved: tuple[SuperLU, Unknowns, dict[int, int]] | None = None
+        """The factors of the last solution, the unknowns then, and which line is whose chain's."""
 
     def add_scan(self, pose: Pose, motion: Motion | None, turn: TurnError | None = None) -> None:
         """A new scan, first guessed here.
@@ -101,7 +127,7 @@ class Smoother:
             turn: what the discs say of the error of its turn.
         """
         if turn is not None:
-            self._turns.append((len(self.poses), turn))
+            self._turns.append((len(self.poses), turn.relative, turn.sigma))
         self.poses = np.vstack([self.poses, [pose.x, pose.y, pose.heading]])
         self.own = np.append(self.own, 0.0)
         if motion is not None:
@@ -109,34 +135,56 @@ class Smoother:
             self._motions.append((white, motion.change, motion.by_wheels, motion.by_own))
 
     def add_sighting(self, sighting: Sighting) -> None:
-        """A feature on a chain; the first one of a chain makes its line."""
-        self._sightings.append(sighting)
-        if sighting.chain not in self._lines:
-            x, y, heading = self.poses[sighting.scan]
-            error = self.constants[0] + self.own[sighting.scan]
-            angle = heading + sighting.bearing_rad + sighting.sweep_rad * error
-            self._lines[sighting.chain] = np.array(
-                [angle, x * math.cos(angle) + y * math.sin(angle) + sighting.range_m]
-            )
+        """A wall on a chain; the first one of a chain makes its line."""
+        self._seen = np.vstack([self._seen, sighting.as_row()])
+        if sighting.what not in self._lines:
+            angle = self._direction(sighting)
+            x, y, _ = self.poses[sighting.scan]
+            distance = x * math.cos(angle) + y * math.sin(angle) + sighting.range_m
+            self._lines[sighting.what] = np.array([angle, distance])
+
+    def add_point(self, sighting: Sighting) -> None:
+        """A point; from the second scan that hears it on it is in the problem."""
+        number = sighting.what
+        if number in self._once:
+            first = self._once.pop(number)
+            self._row_of_point[number] = row = len(self._points)
+            self._points = np.vstack([self._points, self._place(first)])
+            self._met = np.vstack([self._met, first.as_row()])
+            self._met[-1, 1] = row
+        elif number not in self._row_of_point:
+            self._once[number] = sighting
+            return
+        self._met = np.vstack([self._met, sighting.as_row()])
+        self._met[-1, 1] = self._row_of_point[number]
+
+    def points(self) -> tuple[NDArray[np.intp], Array]:
+        """Number and place x y, shape (n, 2), [m], of every point so far."""
+        numbers = np.array([*self._row_of_point, *self._once], dtype=np.intp)
+        once = np.array([self._place(s) for s in self._once.values()]).reshape(-1, 2)
+        return numbers, np.vstack([self._points, once])
 
     def merge(self, survivor: int, absorbed: int) -> None:
         """Two chains are one wall."""
-        self._sightings = [replace(s, chain=survivor) if s.chain == absorbed else s for s in self._sightings]
+        self._seen[self._seen[:, 1] == absorbed, 1] = survivor
         self._lines.pop(absorbed, None)
         self._far_off = True
 
     def solve(self) -> None:
-        """Move poses, lines and wheels to where everything agrees best."""
+        """Move poses, lines, points and wheels to where everything agrees best."""
         chains = sorted(self._lines)
-        column = {chain: 4 * len(self.poses) + 2 * k for k, chain in enumerate(chains)}
-        sightings = _Stack.of(self._sightings, column, self._config)
         lines = np.array([self._lines[chain] for chain in chains]).reshape(-1, 2)
+        at = Unknowns(self.poses, self.own, lines, self._points, self.constants)
+        seen = self._heard_of(self._seen, self._bearing_sigma(self._seen[:, 5]))
+        seen.what[:] = np.searchsorted(chains, seen.what)
+        met = self._heard_of(self._met, np.full(len(self._met), self._config.point_bearing_rad))
         if self._far_off:
-            lines = self._converged(sightings, lines, _huber, self._config.iterations // 2)
-        lines = self._converged(sightings, lines, _cauchy, self._config.iterations)
+            at = self._converged(at, seen, met, _huber, self._config.iterations // 2)
+        at = self._converged(at, seen, met, _cauchy, self._config.iterations)
         self._far_off = False
-        self._lines = dict(zip(chains, lines, strict=True))
-        self._column = column
+        self.poses, self.own, self._points, self.constants = at.poses, at.own, at.points, at.constants
+        self._lines = dict(zip(chains, at.lines, strict=True))
+        self._solved = self._factor, at, {chain: k for k, chain in enumerate(chains)}
 
     def covariance(self, chain: int, at: Pose, normal: Array) -> Array:
         """How unsure the robot is of a chain's line: of its heading and of its place along the normal, shape (2, 2).
@@ -148,168 +196,113 @@ class Smoother:
             at: where the robot is now, taken as known relative to the last scan.
             normal: of the line, shape (2,), to the side on which the place counts as ahead.
         """
-        if self._factor is None or chain not in self._column:
+        if self._solved is None or chain not in self._solved[2]:
             return np.zeros((2, 2))
-        n, k = 3 * (len(self.poses) - 1), self._column[chain]
+        factor, then, line_of = self._solved
+        n, k = 3 * (len(then.poses) - 1), then.first_line + 2 * line_of[chain]
         angle, _ = self._lines[chain]
         c, s = math.cos(angle), math.sin(angle)
-        last_x, last_y, _ = self.poses[-1]
+        last_x, last_y, _ = then.poses[-1]
         side = 1.0 if c * normal[0] + s * normal[1] >= 0.0 else -1.0
-        ask = np.zeros((self._factor.shape[0], 2))
+        ask = np.zeros((then.size, 2))
         ask[n + 2, 0], ask[k, 0] = 1.0, -1.0
         ask[n, 1], ask[n + 1, 1], ask[n + 2, 1] = c, s, s * (at.x - last_x) - c * (at.y - last_y)
         ask[k, 1], ask[k + 1, 1] = at.y * c - at.x * s, -1.0
         ask[:, 1] *= side
-        return np.asarray(ask.T @ self._factor.solve(ask))
+        return np.asarray(ask.T @ factor.solve(ask))
 
-    def _converged(self, sightings: _Stack, lines: Array, robust: Robust, steps: int) -> Array:
-        """Gauss-Newton until the poses stand still; the lines then."""
-        n, config = len(self.poses), self._config
+    def spread(self, numbers: NDArray[np.intp], at: Array) -> Array:
+        """How unsure these points are, seen from the last scan: covariance of x y, shape (n, 2, 2), [m2].
+
+        Args:
+            numbers: of the points, shape (n,).
+            at: where they are, shape (n, 2), map frame, [m].
+        """
+        if self._solved is None:
+            return np.zeros((len(numbers), 2, 2))
+        factor, then, _ = self._solved
+        last, k = len(then.poses) - 1, np.arange(len(numbers))
+        ask = np.zeros((then.size, len(numbers), 2))
+        self._move_with(ask, np.full(len(k), last), k, at, -1.0)
+        row = np.array([self._row_of_point.get(number, -1) for number in numbers.tolist()])
+        own = np.flatnonzero((row >= 0) & (row < len(then.points)))
+        ask[then.first_point + 2 * row[own], own, 0] = 1.0
+        ask[then.first_point + 2 * row[own] + 1, own, 1] = 1.0
+        once = np.flatnonzero(row < 0)
+        scan = np.array([self._once[number].scan for number in numbers[once].tolist()], dtype=np.intp)
+        self._move_with(ask, scan, once, at[once], 1.0)
+        half = factor.solve(ask.reshape(then.size, -1)).reshape(ask.shape)
+        return np.einsum("mki,mkj->kij", ask, half)
+
+    def _move_with(
+        self, ask: Array, scan: NDArray[np.intp], column: NDArray[np.intp], at: Array, sign: float
+    ) -> None:
+        """Places x y that move with a scan each: their derivatives by its pose, into columns of `ask`."""
+        away = at - self.poses[scan, :2]
+        ask[3 * scan, column, 0] += sign
+        ask[3 * scan + 1, column, 1] += sign
+        ask[3 * scan + 2, column, 0] -= sign * away[:, 1]
+        ask[3 * scan + 2, column, 1] += sign * away[:, 0]
+
+    def _converged(self, at: Unknowns, seen: Heard, met: Heard, robust: Robust, steps: int) -> Unknowns:
+        """Gauss-Newton until the poses stand still."""
+        n, still = len(at.poses), (self._config.still_m, self._config.still_m, self._config.still_rad)
         for _ in range(steps):
-            step = self._step(sightings, lines, robust)
-            moved = step[: 3 * n].reshape(n, 3)
-            self.poses = self.poses + moved
-            self.own = self.own + step[3 * n : 4 * n]
-            lines = lines + step[4 * n : -3].reshape(-1, 2)
-            self.constants = self.constants + step[-3:]
-            if (np.abs(moved) <= (config.still_m, config.still_m, config.still_rad)).all():
+            step = self._step(at, seen, met, robust)
+            at = at.moved(step)
+            if (np.abs(step[: 3 * n].reshape(n, 3)) <= still).all():
                 break
-        return lines
+        return at
 
-    def _step(self, sightings: _Stack, lines: Array, robust: Robust) -> Array:
-        size = 4 * len(self.poses) + 2 * len(lines) + 3
-        blocks = [self._anchor(size), *self._own_turns(size)]
+    def _step(self, at: Unknowns, seen: Heard, met: Heard, robust: Robust) -> Array:
+        config = self._config
+        scans, turns, sigmas = np.array(self._turns).reshape(-1, 3).T
+        blocks = [
+            anchor(at, self._start, self._constant_sigmas),
+            *own_turns(at, config.turn_rad / math.tau, scans.astype(np.intp), turns, sigmas),
+        ]
         if self._motions:
-            blocks.append(self._odometry(size))
-        if len(sightings.scan):
-            blocks += self._sighted(sightings, lines, size, robust)
+            blocks.append(odometry(at, *self._stacked_motions()))
+        if len(seen.scan):
+            blocks += lines_heard(at, seen, config.range_m, robust)
+        if len(met.scan):
+            blocks += points_heard(at, met, config.point_range_m, robust)
         widths = np.concatenate([np.full(len(b.columns), b.columns.shape[1]) for b in blocks])
         normal, slope = normal_equations(
             np.concatenate([[0], np.cumsum(widths)]),
             np.concatenate([b.columns.ravel() for b in blocks]),
             np.concatenate([b.values.ravel() for b in blocks]),
             np.concatenate([b.residual for b in blocks]),
-            size,
+            at.size,
         )
         self._factor = splu(  # symmetric and positive: no pivots, an order that keeps it sparse
             normal, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
         )
         return np.asarray(self._factor.solve(-slope))
 
-    def _anchor(self, size: int) -> _Rows:
-        """The first scan stands at the start; wheels and temperature are about right."""
-        weight = np.concatenate([np.full(3, 1e4), 1.0 / self._constant_sigmas])
-        columns = np.array([0, 1, 2, size - 3, size - 2, size - 1])
-        start = np.array([self._start.x, self._start.y, self._start.heading])
-        off = np.concatenate([self.poses[0] - start, self.constants])
-        return _Rows(columns[:, None], weight[:, None], weight * off)
-
-    def _own_turns(self, size: int) -> tuple[_Rows, _Rows]:
-        """Every scan's turn is about as the wheels turn, and about as its discs say."""
-        n = len(self.poses)
-        loose = math.tau / self._config.turn_rad
-        scans = np.array([scan for scan, _ in self._turns], dtype=np.intp)
-        heard = np.array([turn.relative for _, turn in self._turns])
-        weight = np.array([1.0 / turn.sigma for _, turn in self._turns])
-        off = weight * (self.constants[0] + self.own[scans] - heard)
-        columns = np.column_stack([3 * n + scans, np.full(len(scans), size - 3)])
-        return (
-            _Rows(3 * n + np.arange(n)[:, None], np.full((n, 1), loose), loose * self.own),
-            _Rows(columns, np.column_stack([weight, weight]), off),
-        )
-
-    def _odometry(self, size: int) -> _Rows:
-        m = len(self._motions)
-        white, change, by_wheels, by_own = self._stacked_motions()
-        here, there = self.poses[:m], self.poses[1 : m + 1]
-        c, s = np.cos(here[:, 2]), np.sin(here[:, 2])
-        back = np.zeros((m, 3, 3))
-        back[:, 0, 0], back[:, 0, 1], back[:, 1, 0], back[:, 1, 1], back[:, 2, 2] = c, s, -s, c, 1.0
-        moved = (back @ (there - here)[:, :, None])[:, :, 0]
-        by_here = -back
-        by_here[:, 0, 2], by_here[:, 1, 2] = moved[:, 1], -moved[:, 0]
-        jacobian = white @ np.concatenate([by_here, back, -by_own[:, :, None], -by_wheels], axis=2)
-        known = change + by_wheels @ self.constants[:2] + by_own * self.own[:m, None]
-        residual = white @ (moved - known)[:, :, None]
-        columns = np.empty((m, 3, 9), dtype=np.intp)
-        columns[:, :, :6] = (3 * np.arange(m)[:, None] + np.arange(6))[:, None, :]
-        columns[:, :, 6] = (3 * len(self.poses) + np.arange(m))[:, None]
-        columns[:, :, 7:] = size - 3, size - 2
-        return _Rows(columns.reshape(-1, 9), jacobian.reshape(-1, 9), residual.ravel())
-
     def _stacked_motions(self) -> tuple[Array, ...]:
         if len(self._stacked) != 4 or len(self._stacked[0]) != len(self._motions):
             self._stacked = tuple(np.stack(parts) for parts in zip(*self._motions, strict=True))
         return self._stacked
 
-    def _sighted(self, stack: _Stack, lines: Array, size: int, robust: Robust) -> tuple[_Rows, _Rows]:
-        x, y, heading = self.poses[stack.scan].T
-        angle, distance = lines[stack.line].T
-        normal = heading + stack.bearing + stack.sweep * (self.constants[0] + self.own[stack.scan])
-        side = np.where(np.cos(normal - angle) >= 0.0, 1.0, -1.0)  # a thin wall may be seen from behind
-        c, s = np.cos(angle), np.sin(angle)
-        turn = wrap_angle(normal - angle + np.where(side < 0.0, math.pi, 0.0)) * stack.sure
-        sigma, depth = self._config.range_m, stack.range * (1.0 + self.constants[2])
-        gap = (side * (distance - x * c - y * s) - depth) / sigma
-        weight = np.sqrt(robust(turn**2 + gap**2))
-        u, v = weight * stack.sure, side * weight / sigma
-        n = len(stack.scan)
-        pose, line = 3 * stack.scan, 4 * len(self.poses) + 2 * stack.line
-        own, turn_error, scale = 3 * len(self.poses) + stack.scan, np.full(n, size - 3), np.full(n, size - 1)
-        turned, longer = u * stack.sweep, -weight * stack.range / sigma
-        return (
-            _Rows(
-                np.column_stack([pose + 2, line, own, turn_error]),
-                np.column_stack([u, -u, turned, turned]),
-                weight * turn,
-            ),
-            _Rows(
-                np.column_stack([pose, pose + 1, line, line + 1, scale]),
-                np.column_stack([-v * c, -v * s, v * (x * s - y * c), v, longer]),
-                weight * gap,
-            ),
-        )
+    def _heard_of(self, rows: Array, sigma: Array) -> Heard:
+        scan, what = rows[:, :2].T.astype(np.intp)
+        return Heard(scan, what, rows[:, 2], rows[:, 3], rows[:, 4], 1.0 / sigma)
 
+    def _bearing_sigma(self, discs: Array) -> Array:
+        config = self._config
+        return np.asarray(np.sqrt(config.bearing_rad**2 / discs + config.bearing_least_rad**2))
 
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """Rows of the Jacobian that have equally many entries, and their residuals."""
+    def _direction(self, sighting: Sighting) -> float:
+        """Of the normal or of the point, map frame, [rad]."""
+        error = self.constants[0] + self.own[sighting.scan]
+        return float(self.poses[sighting.scan, 2] + sighting.bearing_rad + sighting.sweep_rad * error)
 
-    columns: NDArray[np.intp]
-    """Shape (rows, entries)."""
-    values: Array
-    """Shape (rows, entries)."""
-    residual: Array
-    """Shape (rows,)."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Stack:
-    """All sightings as arrays, shape (n,) each."""
-
-    scan: np.ndarray
-    line: np.ndarray
-    bearing: Array
-    sweep: Array
-    range: Array
-    sure: Array
-    """One over the standard deviation of the bearing, [1/rad]."""
-
-    @staticmethod
-    def of(sightings: list[Sighting], column: dict[int, int], config: SmoothingConfig) -> _Stack:
-        lines = {chain: k for k, chain in enumerate(sorted(column))}
-        return _Stack(
-            scan=np.array([s.scan for s in sightings], dtype=np.intp),
-            line=np.array([lines[s.chain] for s in sightings], dtype=np.intp),
-            bearing=np.array([s.bearing_rad for s in sightings], dtype=float),
-            sweep=np.array([s.sweep_rad for s in sightings], dtype=float),
-            range=np.array([s.range_m for s in sightings], dtype=float),
-            sure=1.0
-            / np.sqrt(
-                config.bearing_rad**2 / np.array([s.discs for s in sightings], dtype=float)
-                + config.bearing_least_rad**2
-            ),
-        )
+    def _place(self, sighting: Sighting) -> tuple[float, float]:
+        """Where a point is by one scan, x y, [m]."""
+        angle, depth = self._direction(sighting), sighting.range_m * (1.0 + self.constants[2])
+        x, y, _ = self.poses[sighting.scan].tolist()
+        return x + depth * math.cos(angle), y + depth * math.sin(angle)
 
 
 def _huber(squared: Array) -> Array:

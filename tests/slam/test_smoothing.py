@@ -11,10 +11,9 @@ from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.envs.simulator import Simulator, SimulatorConfig
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Pose, wrap_angle
-from sonar_explore.slam import make_slam
-from sonar_explore.slam.agreement import TurnError
+from sonar_explore.slam import jacobian, make_slam
 from sonar_explore.slam.motion import MotionSum, RandomWalk
-from sonar_explore.slam.smoothing import Sighting, Smoother, SmoothingConfig, _Stack
+from sonar_explore.slam.smoothing import Sighting, Smoother, SmoothingConfig
 
 WALK = RandomWalk(math.radians(1.5), math.radians(0.7), 0.03)
 WHEELS = (0.007, math.radians(1.0))
@@ -109,40 +108,115 @@ def dense(rows, size):
 
 
 def test_the_jacobian_agrees_with_finite_differences():
-    rng = np.random.default_rng(3)
-    poses, motions = loop(rounds=1)
-    out = smoother(poses, motions, rng, off=(0.05, 0.05, 0.03))
-    out.constants, out.own = rng.normal(0, 0.01, 3), rng.normal(0, 0.01, len(poses))
-    out._turns = [(k, TurnError(0.01, 0.004)) for k in (0, 2)]
-    chains = sorted(out._lines)
-    lines = np.array([out._lines[c] for c in chains]) + rng.normal(0, 0.02, (len(chains), 2))
-    n, size = len(out.poses), 4 * len(out.poses) + 2 * len(chains) + 3
-    seen = [
-        Sighting(s.scan, s.chain, s.bearing_rad, 0.1 * k, s.range_m) for k, s in enumerate(out._sightings)
-    ]
-    stack = _Stack.of(seen, dict.fromkeys(chains, 0), SmoothingConfig())
+    rng, n, scans = np.random.default_rng(3), 11, np.arange(11)
+    _, motions = loop(rounds=1)
+    at = jacobian.Unknowns(
+        poses=rng.normal(0, 2.0, (n, 3)),
+        own=rng.normal(0, 0.01, n),
+        lines=rng.normal(0, 1.0, (4, 2)),
+        points=rng.normal(0, 2.0, (5, 2)),
+        constants=rng.normal(0, 0.01, 3),
+    )
+    white = [np.linalg.inv(np.linalg.cholesky(m.covariance)) for m in motions]
+    parts = [np.stack(p) for p in zip(*((m.change, m.by_wheels, m.by_own) for m in motions), strict=True)]
 
-    def parts(step):
-        before = out.poses, out.own, out.constants
-        out.poses, out.own = before[0] + step[: 3 * n].reshape(n, 3), before[1] + step[3 * n : 4 * n]
-        out.constants = before[2] + step[-3:]
-        now = lines + step[4 * n : -3].reshape(-1, 2)
-        blocks = (
-            out._anchor(size),
-            *out._own_turns(size),
-            out._odometry(size),
-            *out._sighted(stack, now, size, np.ones_like),
+    def heard(kinds):
+        bearing, sweep, range_m = rng.uniform(0.3, 2.0, (3, n))
+        return jacobian.Heard(scans, rng.integers(kinds, size=n), bearing, sweep, range_m, np.full(n, 30.0))
+
+    seen, met = heard(4), heard(5)
+
+    def blocks(at):
+        return (
+            jacobian.anchor(at, np.array([0.5, 0.5, 0.0]), np.array([0.01, 0.02, 0.005])),
+            *jacobian.own_turns(at, 0.004, scans[:2], np.array([0.01, 0.0]), np.array([0.004, 0.002])),
+            jacobian.odometry(at, np.stack(white), *parts),
+            *jacobian.lines_heard(at, seen, 0.015, np.ones_like),
+            *jacobian.points_heard(at, met, 0.01, np.ones_like),
         )
-        out.poses, out.own, out.constants = before
-        return [dense(b, size) for b in blocks], [b.residual for b in blocks]
 
-    jacobians, _ = parts(np.zeros(size))
-    for column in range(size):
-        step = np.zeros(size)
+    exact = [dense(b, at.size) for b in blocks(at)]
+    for column in range(at.size):
+        step = np.zeros(at.size)
         step[column] = 1e-6
-        ahead, behind = parts(step)[1], parts(-step)[1]
-        for jacobian, a, b in zip(jacobians, ahead, behind, strict=True):
-            assert jacobian[:, column] == pytest.approx((a - b) / 2e-6, abs=1e-3, rel=1e-5)
+        ahead, behind = blocks(at.moved(step)), blocks(at.moved(-step))
+        for rows, a, b in zip(exact, ahead, behind, strict=True):
+            slope = (a.residual - b.residual) / 2e-6
+            assert rows[:, column] == pytest.approx(slope, abs=1e-2, rel=1e-4)
+
+
+PILLARS = ((1.2, 2.1), (3.4, 0.9), (2.2, 1.6), (3.1, 2.4))
+
+
+def pillars_seen(i, pose):
+    """Exact bearings and ranges of what is in reach."""
+    for number, (x, y) in enumerate(PILLARS):
+        range_m = math.hypot(x - pose.x, y - pose.y)
+        if range_m < 2.2:
+            bearing = wrap_angle(math.atan2(y - pose.y, x - pose.x) - pose.heading)
+            yield Sighting(i, 10 + number, bearing, 0.0, range_m)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_points_alone_give_the_true_poses_from_bad_first_guesses(seed):
+    poses, motions = loop()
+    rng, out = np.random.default_rng(seed), Smoother(START, SmoothingConfig(), WHEELS)
+    for i, p in enumerate(poses):
+        dx, dy, dh = rng.normal(0, (0.05, 0.05, 0.03)) if i else (0.0, 0.0, 0.0)
+        out.add_scan(Pose(p.x + dx, p.y + dy, p.heading + dh), motions[i - 1] if i else None)
+        for s in pillars_seen(i, p):
+            out.add_point(s)
+    for _ in range(6):
+        out.solve()
+    assert (off_by(out, poses) < 1e-4).all()
+    numbers, places = out.points()
+    assert dict(zip(numbers.tolist(), places.round(3).tolist(), strict=True)) == {
+        10 + k: list(place) for k, place in enumerate(PILLARS)
+    }
+
+
+def test_a_point_heard_once_binds_nothing_and_stays_where_its_scan_heard_it():
+    poses, motions = loop(rounds=1)
+    out = smoother(poses, motions, np.random.default_rng(0))
+    out.solve()
+    before = out.poses.copy()
+    out.add_point(Sighting(3, 7, 0.4, 0.0, 1.0))
+    out.solve()
+    np.testing.assert_allclose(out.poses, before, atol=1e-9)
+    (number,), ((x, y),) = out.points()
+    assert number == 7
+    assert (x, y) == pytest.approx(
+        (poses[3] @ Pose(0.0, 0.0, 0.4)).transform(np.array([[1.0, 0.0]]))[0], abs=1e-6
+    )
+
+
+@pytest.mark.parametrize("number", [10, 99])
+def test_the_spread_of_a_point_is_that_of_what_many_noisy_drives_say(number):
+    rng, (poses, motions) = np.random.default_rng(number), loop(rounds=1)
+    config, off = SmoothingConfig(point_bearing_rad=0.02, point_range_m=0.02), []
+    lonely = poses[4].inverse().transform(np.array([[3.5, 1.5]]))[0]  # number 99: heard by scan 4 alone
+    for _ in range(200):
+        out = Smoother(START, config, WHEELS)
+        for i, p in enumerate(poses):
+            moved = motions[i - 1]
+            noise = rng.multivariate_normal(np.zeros(3), moved.covariance)
+            out.add_scan(p, replace(moved, change=moved.change + noise) if i else None)
+            for s in pillars_seen(i, p):
+                bearing = s.bearing_rad + rng.normal(0, config.point_bearing_rad)
+                range_m = s.range_m + rng.normal(0, config.point_range_m)
+                out.add_point(replace(s, bearing_rad=bearing, range_m=range_m))
+        out.add_point(Sighting(4, 99, math.atan2(lonely[1], lonely[0]), 0.0, float(np.hypot(*lonely))))
+        for _ in range(2):
+            out.solve()
+        numbers, places = out.points()
+        place, last = places[numbers == number], Pose(*map(float, out.poses[-1]))
+        off.append(last.inverse().transform(place)[0])
+    last = poses[-1]
+    spread = out.spread(np.array([number]), place)[0]
+    c, s = math.cos(last.heading), math.sin(last.heading)
+    turn = np.array([[c, -s], [s, c]])
+    found = turn @ np.cov(np.array(off).T) @ turn.T
+    assert np.sqrt(np.diag(spread)) == pytest.approx(np.sqrt(np.diag(found)), rel=0.45)
 
 
 def test_a_planted_false_merge_does_not_fold_the_map():

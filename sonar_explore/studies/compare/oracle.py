@@ -1,8 +1,8 @@
 """The yardstick: batch least squares over a drive's measurements with the true associations.
 
-Odometry and features are the robot's own; which wall each feature belongs to is told from the truth. Poses, walls
-and the two constants of the wheels are unknown. It uses the truth, so it scores others and never runs on a robot.
-Nothing that has the same measurements can be much better.
+Odometry, features and points are the robot's own; which wall each feature and which edge or corner each point belongs
+to is told from the truth. Poses, walls, points and the two constants of the wheels are unknown. It uses the truth, so
+it scores others and never runs on a robot. Nothing that has the same measurements can be much better.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from sonar_explore.measurement import Scan
 from sonar_explore.slam.agreement import AgreementConfig, Extraction, extract
 from sonar_explore.slam.features import Feature, FeatureConfig, FeatureKind
 from sonar_explore.slam.motion import Motion, MotionSum, RandomWalk
+from sonar_explore.slam.points import PointConfig, points_of
 from sonar_explore.slam.slam import turn_of
 from sonar_explore.slam.smoothing import Sighting, Smoother, SmoothingConfig
 from sonar_explore.studies.compare.drives import Drive
@@ -46,6 +47,8 @@ class OracleConfig:
     """Between its normal and the wall's, [rad]."""
     beyond_m: float = 0.05
     """How far the foot may lie beyond the wall's end, [m]."""
+    points: PointConfig = field(default_factory=PointConfig)
+    """Which points are heard; each is of the end of a straight wall within `distance_m`, if there is one."""
     smoothing: SmoothingConfig = field(
         default_factory=lambda: SmoothingConfig(bearing_rad=math.radians(1.1), range_m=0.004)
     )
@@ -83,7 +86,10 @@ def oracle(
             true_walls(pose, found.features, ratio / (1.0 + turn_error) - 1.0, walls, config)
             for pose, ratio, found in zip(drive.true_poses, drive.turn_ratios, seen, strict=True)
         ]
-        smoother = _solved(drive, motions, seen, owners, turn_error, noise, config)
+        points = [
+            _points(i, drive, turn_error, walls.reshape(-1, 2), features, config) for i in range(len(seen))
+        ]
+        smoother = _solved(drive, motions, seen, owners, points, turn_error, noise, config)
         turn_error = float(smoother.constants[0])
     poses = tuple(Pose(*map(float, row)) for row in smoother.poses)
     return OracleResult(poses, tuple(owners), tuple(found.features for found in seen), lines_of(walls))
@@ -156,6 +162,21 @@ def _true_wall(
     return int(np.argmin(np.where(fits, off, np.inf))) if fits.any() else None
 
 
+def _points(
+    index: int, drive: Drive, turn_error: float, ends: Array, features: FeatureConfig, config: OracleConfig
+) -> list[Sighting]:
+    """Points of a scan that are ends of straight walls, shape (n, 2), [m], seen from its true pose."""
+    smear = drive.turn_ratios[index] / (1.0 + turn_error) - 1.0
+    found = []
+    for point in points_of(_unsmeared(drive.scans[index], turn_error), features, config.points):
+        off = np.hypot(*(ends - point.seen_from(drive.true_poses[index], smear)).T)
+        if off.min() <= config.distance_m:
+            bearing = point.bearing_rad - point.sweep_rad * turn_error
+            end = int(np.argmin(off))
+            found.append(Sighting(index, end, bearing, point.sweep_rad, point.range_m, point.discs))
+    return found
+
+
 def _unsmeared(scan: Scan, turn_error: float) -> Scan:
     return replace(
         scan,
@@ -188,6 +209,7 @@ def _solved(
     motions: Sequence[Motion],
     seen: Sequence[Extraction],
     walls: Sequence[Sequence[int | None]],
+    points: Sequence[Sequence[Sighting]],
     turn_error: float,
     noise: OdometryNoise,
     config: OracleConfig,
@@ -205,6 +227,8 @@ def _solved(
                 continue
             bearing = feature.bearing_rad - feature.sweep_rad * turn_error
             out.add_sighting(Sighting(i, wall, bearing, feature.sweep_rad, feature.range_m, feature.discs))
+        for point in points[i]:
+            out.add_point(point)
     for _ in range(MOST_ROUNDS):
         before = out.poses
         out.solve()

@@ -1,0 +1,116 @@
+"""Points on which several discs agree: edges, corners and thin columns (beyond the paper).
+
+A point answers every disc of the turning robot from one place. Each disc hears it at another heading and from another
+place beside the turning axis; put where each of them heard it, the echoes fall together. Those of a plane do not: the
+foot of the normal moves along the wall with the disc. What falls together is known to millimetres in range and to half
+a degree in bearing, and unlike a wall it stops the robot from sliding either way.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sonar_explore.geometry import Array, Pose
+from sonar_explore.measurement import Scan
+from sonar_explore.slam.agreement import agreeing, aside
+from sonar_explore.slam.features import FeatureConfig
+from sonar_explore.slam.point_matching import MatchingConfig
+from sonar_explore.slam.rcd import region_rows
+
+
+@dataclass(frozen=True)
+class PointConfig:
+    """What counts as a point, and as the same one met again."""
+
+    discs_min: int = 4
+    """Fewer discs agree on nothing."""
+    width_min_rad: float = math.radians(3.5)
+    """A narrower region of constant depth is of nothing, [rad]."""
+    width_max_rad: float = math.radians(40.0)
+    """A wider one is of something that surrounds the robot, [rad]."""
+    in_front_m: float = 0.05
+    """What is heard to either side lies farther than the point by this, [m]."""
+    together_m: float = 0.12
+    """Two discs put one point no farther apart, [m]."""
+    plane_share: float = 0.4
+    """Places that move along with the discs by more than this share of what a plane's would are no point's."""
+    near_m: float = 0.5
+    """A nearer one is left out: the end of a wall, square to it, passes for a point, [m]."""
+    matching: MatchingConfig = field(default_factory=MatchingConfig)
+
+
+@dataclass(frozen=True)
+class Point:
+    """One point as one scan heard it, in the robot frame at the start of the scan."""
+
+    bearing_rad: float
+    """From the robot's centre, [rad]."""
+    range_m: float
+    """[m]"""
+    sweep_rad: float
+    """How far the robot had turned when it was heard, on average, signed, [rad]."""
+    discs: int
+    """How many discs agree on it."""
+
+    def seen_from(self, pose: Pose, turn_error: float = 0.0) -> tuple[float, float]:
+        """x y in the frame of the pose, [m], where the robot turned by so much more than it counted, relative."""
+        angle = pose.heading + self.bearing_rad + self.sweep_rad * turn_error
+        return pose.x + self.range_m * math.cos(angle), pose.y + self.range_m * math.sin(angle)
+
+
+def points_of(scan: Scan, features: FeatureConfig, config: PointConfig) -> tuple[Point, ...]:
+    """The points of one scan; none where only one disc was recorded."""
+    heard = np.vstack([_echoes(k, disc, features, config) for k, disc in enumerate((scan, *scan.others))])
+    off = np.hypot(*(heard[:, None, 1:3] - heard[None, :, 1:3]).transpose(2, 0, 1))
+    apart = np.where(off <= config.together_m, off, np.inf)
+    things = agreeing(apart, heard[:, 0].astype(np.int64), heard[:, 3], config.discs_min)
+    found = (_agreed(heard[members], config) for members in things)
+    return tuple(point for point in found if point is not None)
+
+
+def _echoes(number: int, scan: Scan, features: FeatureConfig, config: PointConfig) -> Array:
+    """What one disc heard in front of all beside it, shape (n, 5).
+
+    The number of the disc; x y of what it heard in the middle of each region [m]; how far the robot had turned by then
+    [rad]; and how far the axis of the disc passes from the turning axis [m].
+    """
+    rows, runs = region_rows(scan, features.tolerance_m)
+    clockwise = bool(scan.bearings_rad[-1] < scan.bearings_rad[0])
+    n, turned, ranges = len(scan.ranges_m), scan.headings_rad, scan.ranges_m
+    if clockwise:
+        turned, ranges = turned[::-1], ranges[::-1]
+    first, end = runs[:, 0], runs.sum(axis=1)
+    width, echo = rows[:, 1] - rows[:, 0], rows[:, 3]
+    beside = np.minimum(ranges[(first - 1) % n], ranges[end % n])
+    good = (width >= config.width_min_rad) & (width <= config.width_max_rad)
+    good &= (echo >= features.range_min_m) & (echo <= features.range_max_m)
+    good &= beside >= echo + config.in_front_m
+    rows, first, end, echo = rows[good], first[good], end[good], echo[good]
+    mount = scan.pose_sonar_in_robot
+    beam = 0.5 * (rows[:, 0] + rows[:, 1])
+    c, s = np.cos(beam - mount.heading), np.sin(beam - mount.heading)
+    return np.column_stack(
+        [
+            np.full(len(beam), float(number)),
+            c * mount.x - s * mount.y + echo * np.cos(beam),
+            s * mount.x + c * mount.y + echo * np.sin(beam),
+            0.5 * (turned[first % n] + turned[(end - 1) % n]),
+            np.full(len(beam), aside(mount)),
+        ]
+    )
+
+
+def _agreed(heard: Array, config: PointConfig) -> Point | None:
+    """The point that these heard, one row a disc; None where it is a plane's foot instead."""
+    places, turned, beside = heard[:, 1:3], heard[:, 3], heard[:, 4]
+    x, y = places.mean(axis=0)
+    depth = math.hypot(x, y)
+    along = (places - (x, y)) @ np.array([-y, x]) / depth
+    lever = beside - beside.mean()
+    scatter = float(lever @ lever)
+    if depth < config.near_m or (scatter > 1e-9 and abs(float(lever @ along)) > config.plane_share * scatter):
+        return None
+    return Point(math.atan2(y, x), depth, float(turned.mean()), len(heard))

@@ -1,0 +1,117 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
+"""Edges and corners fall together where several discs hear them, walls do not; and they are known again."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sonar_explore.envs.odometry import noise_preset
+from sonar_explore.envs.simulator import Simulator, SimulatorConfig
+from sonar_explore.envs.world import World
+from sonar_explore.geometry import Pose
+from sonar_explore.slam import SlamConfig
+from sonar_explore.slam.point_matching import MatchingConfig, matched
+from sonar_explore.slam.points import PointConfig, points_of
+
+FEATURES, CONFIG, MATCHING = SlamConfig.robust().features, PointConfig(), MatchingConfig()
+DOOR = [[0, 0, 5, 0], [5, 0, 5, 4], [5, 4, 0, 4], [0, 4, 0, 0], [0, 2, 1.9, 2], [3.1, 2, 5, 2]]
+"""Two rooms and a door between them, its edges at x = 1.9 and 3.1."""
+seeds = st.integers(0, 10_000)
+
+
+def scan_at(x, y, heading=0.3, walls=DOOR, seed=0, direction=1):
+    world = World(
+        "door", "", np.array(walls, float), np.zeros(len(walls)), np.zeros((0, 3)), Pose(x, y, heading), False
+    )
+    robot = Simulator(world, SimulatorConfig(noise=noise_preset("ideal")), np.random.default_rng(seed))
+    return robot.true_pose, robot.scan(direction)
+
+
+def places(pose, scan):
+    return np.array([p.seen_from(pose) for p in points_of(scan, FEATURES, CONFIG)]).reshape(-1, 2)
+
+
+@settings(max_examples=12, deadline=None)
+@given(seeds, st.floats(2.2, 2.8), st.floats(0.9, 1.3), st.sampled_from([-1, 1]))
+def test_the_edges_of_a_door_are_heard_to_a_few_centimetres_whichever_way_the_robot_turns(
+    seed, x, y, direction
+):
+    heading = np.random.default_rng(seed).uniform(-math.pi, math.pi)
+    found = places(*scan_at(x, y, heading, seed=seed, direction=direction))
+    for edge in ((1.9, 2.0), (3.1, 2.0)):
+        assert np.hypot(*(found - edge).T).min() < 0.06
+
+
+@settings(max_examples=12, deadline=None)
+@given(seeds, st.floats(0.8, 1.7), st.floats(-0.9, 0.9))
+def test_a_plain_wall_gives_no_point(seed, away, along):
+    _, scan = scan_at(10.0 - away, along, walls=[[10, -6, 10, 6]], seed=seed)
+    assert points_of(scan, FEATURES, CONFIG) == ()
+
+
+def test_a_scan_of_one_disc_gives_no_points():
+    _, scan = scan_at(2.5, 1.2)
+    assert points_of(scan, FEATURES, CONFIG)
+    alone = type(scan)(
+        scan.pose_robot_in_odometry,
+        scan.headings_rad,
+        scan.ranges_m,
+        scan.pose_sonar_in_robot,
+        scan.range_max_m,
+    )
+    assert points_of(alone, FEATURES, CONFIG) == ()
+
+
+def move(points, about, shift, turn):
+    c, s = math.cos(turn), math.sin(turn)
+    return (points - about) @ np.array([[c, s], [-s, c]]) + about + shift
+
+
+@settings(max_examples=60, deadline=None)
+@given(seeds, st.integers(2, 6))
+def test_points_are_known_again_from_a_pose_that_is_off_as_far_as_its_prior_allows(seed, count):
+    rng = np.random.default_rng(seed)
+    sigma = np.array([0.05, 0.05, math.radians(3.0)])
+    known = np.stack(np.meshgrid(np.arange(-3.0, 3.1), np.arange(-3.0, 3.1)), axis=-1).reshape(-1, 2)
+    known = known + rng.uniform(-0.25, 0.25, known.shape)
+    chosen = rng.choice(np.flatnonzero(np.hypot(*known.T) < 2.0), count, replace=False)
+    dx, dy, turn = rng.uniform(-1.5, 1.5, 3) * sigma
+    here = move(known[chosen], np.zeros(2), np.array([dx, dy]), turn) + rng.normal(0.0, 0.005, (count, 2))
+    found = matched(here, np.zeros(2), np.diag(sigma**2), known, np.zeros(len(known)), MATCHING)
+    assert (found == chosen).mean() >= 0.5  # one may be left out, none is another
+    assert ((found == chosen) | (found == -1)).all()
+
+
+def test_the_other_edges_of_a_thick_wall_are_new_points_and_not_those_known():
+    known = np.array([[-0.45, 0.0], [0.45, 0.0]])
+    beyond = known + [0.0, 0.15]
+    prior = np.diag([0.03, 0.03, math.radians(1.0)]) ** 2
+    about = np.array([0.0, 1.0])
+    assert matched(known, about, prior, known, np.zeros(2), MATCHING).tolist() == [0, 1]
+    assert matched(beyond, about, prior, known, np.zeros(2), MATCHING).tolist() == [-1, -1]
+
+
+def test_a_pose_that_is_sure_of_nothing_takes_two_points_for_the_two_of_the_same_distance():
+    known = np.array([[1.0, 0.0], [1.0, 0.9], [-1.0, 0.3]])
+    here = move(known[:2], np.zeros(2), np.array([0.2, -0.1]), 0.15)
+    unsure = np.diag([0.3, 0.3, 0.2]) ** 2
+    assert matched(here, np.zeros(2), unsure, known, np.zeros(3), MATCHING).tolist() == [0, 1]
+
+
+def test_nothing_known_or_nothing_near_makes_every_point_new():
+    here = np.array([[0.0, 1.0], [1.0, 0.0]])
+    prior = np.diag([0.01, 0.01, 0.001])
+    assert matched(here, np.zeros(2), prior, np.zeros((0, 2)), np.zeros(0), MATCHING).tolist() == [-1, -1]
+    far = np.array([[5.0, 5.0]])
+    assert matched(here, np.zeros(2), prior, far, np.zeros(1), MATCHING).tolist() == [-1, -1]
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.2**2])
+def test_a_point_of_which_the_map_is_unsure_may_be_farther_off(spread):
+    known, here = np.array([[1.0, 0.0]]), np.array([[1.0, 0.2]])
+    prior = np.diag([0.01, 0.01, 0.01]) ** 2
+    found = matched(here, np.zeros(2), prior, known, np.array([spread]), MATCHING)
+    assert found.tolist() == ([0] if spread else [-1])
