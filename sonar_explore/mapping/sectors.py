@@ -40,7 +40,8 @@ def cut_all_at_walls(
     """The same for many scans: poses x y [m] heading [rad], shape (k, 3), directions (k, n); own segments of scan i
     are `own[first[i]:first[i + 1]]`."""
     out = clear_m.copy()
-    _cut_all(poses, out, barriers, own, first, margin_m)
+    beams = np.empty((2, 2 * clear_m.shape[1] + 8))
+    _cut_all(poses, out, barriers, own, first, margin_m, beams)
     return out
 
 
@@ -202,18 +203,23 @@ def _mark_segments(evidence, x0, y0, resolution, segments, weight):  # type: ign
 
 
 @inner_kernel
-def _cut_all(poses, clear, barriers, own, first, margin):  # type: ignore[no-untyped-def]
+def _cut_all(poses, clear, barriers, own, first, margin, beams):  # type: ignore[no-untyped-def]
+    """Sector b of a scan has the cosine and the sine of its middle in column b less the first that there can be of
+    `beams`, once it was asked for."""
     for i in range(len(poses)):
         x, y, heading = poses[i]
-        _cut(x, y, heading, clear[i], barriers, margin)
-        _cut(x, y, heading, clear[i], own[first[i] : first[i + 1]], margin)
+        for b in range(beams.shape[1]):
+            beams[0, b] = np.inf
+        _cut(x, y, heading, clear[i], barriers, margin, beams)
+        _cut(x, y, heading, clear[i], own[first[i] : first[i + 1]], margin, beams)
         for b in range(clear.shape[1]):
             clear[i, b] = max(clear[i, b], 0.0)
 
 
 @inner_kernel
-def _cut(x, y, heading, clear, segments, margin):  # type: ignore[no-untyped-def]
+def _cut(x, y, heading, clear, segments, margin, beams):  # type: ignore[no-untyped-def]
     n = len(clear)
+    lowest = int(math.floor((-math.pi - heading) / (2.0 * math.pi) * n - 0.5 * n)) - 2
     reach = 0.0
     for b in range(n):
         reach = max(reach, clear[b])
@@ -240,8 +246,10 @@ def _cut(x, y, heading, clear, segments, margin):  # type: ignore[no-untyped-def
         for b in range(int(math.floor(start)), int(math.floor(start + turn)) + 1):
             if clear[b % n] < nearest:
                 continue
-            middle = (b + 0.5) / n * 2.0 * math.pi + heading
-            c, s = math.cos(middle), math.sin(middle)
+            if beams[0, b - lowest] == np.inf:
+                middle = (b + 0.5) / n * 2.0 * math.pi + heading
+                beams[0, b - lowest], beams[1, b - lowest] = math.cos(middle), math.sin(middle)
+            c, s = beams[0, b - lowest], beams[1, b - lowest]
             denominator = c * ey - s * ex
             r = reach
             if abs(denominator) > 1e-9:

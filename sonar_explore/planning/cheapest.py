@@ -40,49 +40,56 @@ def cheapest_way(cost: Array, costs: Array, end: tuple[int, int]) -> Cells:
 def _spread(cost, row, column, out):  # type: ignore[no-untyped-def]
     """Bucket k holds the cells between k and k + 1 away. No step costs less than 1: they all are final at once."""
     rows, columns = cost.shape
-    dearest = 1.0
+    dearest, open_cells = 1.0, 0
     for r in range(rows):
         for c in range(columns):
-            if dearest < cost[r, c] < np.inf:
-                dearest = cost[r, c]
-    buckets = np.full(int(math.ceil(_SQRT2 * dearest)) + 2, -1)
-    cells = np.empty(8 * cost.size + 1, dtype=np.int32)
-    following = np.empty(8 * cost.size + 1, dtype=np.int32)
-    out[row, column] = 0.0
+            if cost[r, c] < np.inf:
+                dearest = max(dearest, cost[r, c])
+                open_cells += 1
+    size = 4  # of the round of buckets: a power of two, so that a mask finds the place in it
+    while size < math.ceil(_SQRT2 * dearest) + 2:
+        size *= 2
+    buckets = np.full(size, -1)
+    cells = np.empty(8 * open_cells + 1, dtype=np.int32)
+    following = np.empty(8 * open_cells + 1, dtype=np.int32)
+    costs, outs = cost.ravel(), out.ravel()
     cells[0], following[0], buckets[0] = row * columns + column, -1, 0
+    outs[cells[0]] = 0.0
     used = waiting = 1
     level = 0
     while waiting > 0:
-        entry = buckets[level % len(buckets)]
-        buckets[level % len(buckets)] = -1
+        entry = buckets[level & (size - 1)]
+        buckets[level & (size - 1)] = -1
         while entry >= 0:
-            row, column = cells[entry] // columns, cells[entry] % columns
+            at = cells[entry]
             entry = following[entry]
             waiting -= 1
-            here = out[row, column]
+            here = outs[at]
             if here < level:  # was there already, by a cheaper way
                 continue
+            row = at // columns
+            column = at - row * columns
             for dr in range(-1, 2):
                 r = row + dr
                 if r < 0 or r >= rows:
                     continue
                 for dc in range(-1, 2):
                     c = column + dc
-                    if c < 0 or c >= columns or cost[r, c] == np.inf:
+                    if c < 0 or c >= columns or costs[r * columns + c] == np.inf:
                         continue
-                    length = 1.0
-                    if dr != 0 and dc != 0:
-                        if cost[row, c] == np.inf or cost[r, column] == np.inf:
-                            continue
-                        length = _SQRT2
-                    total = here + 0.5 * (cost[row, column] + cost[r, c]) * length
-                    if total < out[r, c]:
-                        out[r, c] = total
-                        bucket = int(total) % len(buckets)
-                        cells[used], following[used] = r * columns + c, buckets[bucket]
-                        buckets[bucket] = used
-                        used += 1
-                        waiting += 1
+                    to, length = r * columns + c, _SQRT2 if dr != 0 and dc != 0 else 1.0
+                    total = here + 0.5 * (costs[at] + costs[to]) * length
+                    if total >= outs[to]:
+                        continue
+                    beside = costs[row * columns + c], costs[r * columns + column]
+                    if dr != 0 and dc != 0 and (beside[0] == np.inf or beside[1] == np.inf):
+                        continue
+                    outs[to] = total
+                    bucket = int(total) & (size - 1)
+                    cells[used], following[used] = to, buckets[bucket]
+                    buckets[bucket] = used
+                    used += 1
+                    waiting += 1
         level += 1
 
 

@@ -194,7 +194,8 @@ def _group(distance, disc, order, least_discs, members, ends):  # type: ignore[n
 @inner_kernel
 def _nearest(distance, disc, nearest):  # type: ignore[no-untyped-def]
     """The nearest row of each disc, -1 where all are far: of how many discs, and the sum of their distances."""
-    nearest[:] = -1
+    for k in range(len(nearest)):
+        nearest[k] = -1
     for i in range(len(distance)):
         at = nearest[disc[i]]
         if distance[i] < (distance[at] if at >= 0 else np.inf):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,7 +59,10 @@ class ChainMap:
         self._next_id = 0
         self._size = 0
         self._segments: Array = np.empty((64, 4))
-        self._owners: NDArray[np.intp] = np.empty((64, 2), dtype=np.intp)
+        self._owners: NDArray[np.intp] = np.empty((64, 3), dtype=np.intp)
+        """Chain, place among its links, and scan of each row of `segments`."""
+        self._measured: Array = np.empty((64, 4))
+        """The same segments in the robot frames of their scans, [m]."""
 
     def __len__(self) -> int:
         return len(self._chains)
@@ -100,14 +104,14 @@ class ChainMap:
         """Start a chain and return its id."""
         chain_id, self._next_id = self._next_id, self._next_id + 1
         self._chains[chain_id] = Chain(chain_id, (link,), 0, root_probability, dangling)
-        self._stack(link.segment, chain_id, 0)
+        self._stack(link, chain_id, 0)
         return chain_id
 
     def add_link(self, chain_id: int, link: Link) -> None:
         """Lengthen a chain."""
         chain = self[chain_id]
         self._chains[chain_id] = replace(chain, links=(*chain.links, link))
-        self._stack(link.segment, chain_id, len(chain.links))
+        self._stack(link, chain_id, len(chain.links))
 
     def merge(self, survivor_id: int, absorbed_id: int) -> None:
         """Union of links under the survivor's root; the dangling tag goes (section III.G)."""
@@ -118,25 +122,33 @@ class ChainMap:
         self._chains[survivor_id] = replace(survivor, links=links, dangling=False)
         del self._chains[absorbed_id]
         rows = self.chain_ids == absorbed_id
-        self._owners[: self._size][rows] += (survivor_id - absorbed_id, len(survivor.links))
+        self._owners[: self._size][rows] += (survivor_id - absorbed_id, len(survivor.links), 0)
 
     def place(self, pose_of_scan: dict[int, Pose]) -> None:
         """Place again every link of the scans named, for a back-end that moves whole scans."""
-        for chain_id, chain in self._chains.items():
-            links = tuple(_placed(link, pose_of_scan) for link in chain.links)
-            self._chains[chain_id] = replace(chain, links=links)
-        for row, (chain_id, index) in enumerate(self._owners[: self._size]):
-            self._segments[row] = self._chains[int(chain_id)].links[index].segment.as_row()
+        owners = self._owners[: self._size]
+        at = np.full((owners[:, 2].max(initial=-1) + 1, 4), np.nan)
+        for scan, pose in pose_of_scan.items():
+            if scan < len(at):
+                at[scan] = pose.x, pose.y, math.cos(pose.heading), math.sin(pose.heading)
+        rows = np.flatnonzero(np.isfinite(at[owners[:, 2], 0]))
+        x, y, c, s = at[owners[rows, 2]].T
+        x1, y1, x2, y2 = self._measured[rows].T
+        ends = x + c * x1 - s * y1, y + s * x1 + c * y1, x + c * x2 - s * y2, y + s * x2 + c * y2
+        self._segments[rows] = moved = np.column_stack(ends)
+        links = {chain_id: list(chain.links) for chain_id, chain in self._chains.items()}
+        for (chain_id, index, scan), ends_m in zip(owners[rows].tolist(), moved.tolist(), strict=True):
+            link = links[chain_id][index]
+            links[chain_id][index] = Link(Segment(*ends_m), scan, link.feature_index, link.feature)
+        for chain_id in set(owners[rows, 0].tolist()):
+            self._chains[chain_id] = replace(self._chains[chain_id], links=tuple(links[chain_id]))
 
-    def _stack(self, segment: Segment, chain_id: int, index: int) -> None:
+    def _stack(self, link: Link, chain_id: int, index: int) -> None:
         if self._size == len(self._segments):
-            self._segments = np.concatenate([self._segments, np.empty_like(self._segments)])
-            self._owners = np.concatenate([self._owners, np.empty_like(self._owners)])
-        self._segments[self._size] = segment.as_row()
-        self._owners[self._size] = chain_id, index
+            for name in ("_segments", "_owners", "_measured"):
+                rows = getattr(self, name)
+                setattr(self, name, np.concatenate([rows, np.empty_like(rows)]))
+        self._segments[self._size] = link.segment.as_row()
+        self._measured[self._size] = link.feature.segment.as_row()
+        self._owners[self._size] = chain_id, index, link.scan
         self._size += 1
-
-
-def _placed(link: Link, pose_of_scan: dict[int, Pose]) -> Link:
-    pose = pose_of_scan.get(link.scan)
-    return link if pose is None else replace(link, segment=link.feature.segment.transformed(pose))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sonar_explore.compiled import inner_kernel
 from sonar_explore.geometry import Array, Pose
 
 
@@ -40,58 +41,66 @@ class MotionSum:
     """Adds up short bits of odometry."""
 
     def __init__(self, walk: RandomWalk) -> None:
-        self._walk = walk
+        self._variances = np.array([walk.distance_m**2, walk.turn_rad**2, walk.drift_rad**2])
         self.clear()
 
     def clear(self, own_turn_rad: float = 0.0) -> None:
         """Begin at a new scan, whose turn of this size, signed, [rad], is about to be counted."""
-        self._own_left_rad = own_turn_rad
-        self._by_own = [0.0, 0.0, 0.0]
-        self._x = self._y = self._heading = 0.0
-        self._by_turn, self._by_bend = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
-        self._xx = self._yy = 1e-6
-        self._hh = 1e-8
-        self._xy = self._xh = self._yh = 0.0
+        self._own_left_rad = np.array([own_turn_rad])
+        self._change = np.zeros(3)
+        self._by = np.zeros((3, 3))
+        """Derivative of the change, in columns, by the error of turns, the bend of drives and the own error."""
+        self._covariance = np.diag([1e-6, 1e-6, 1e-8])
 
-    def add(self, before: Pose, after: Pose) -> None:
-        """A bit that is nearly straight, or a turn on the spot; `pose_robot_in_odometry` both.
-
-        Heading errors so far move the end of the bit across it: with F = I + [0 0 a; 0 0 b; 0 0 0] the derivative
-        goes over into F D, the covariance into F P F'. Written out, for this runs 25 times a simulated second.
-        """
-        step = before.inverse() @ after
-        forward, turn = step.x, after.heading - before.heading
-        heading = self._heading + 0.5 * turn
-        c, s = math.cos(heading), math.sin(heading)
-        a, b = -s * forward, c * forward
-        own = own_part(turn, self._own_left_rad)
-        self._own_left_rad -= own
-        for by, more in ((self._by_turn, turn), (self._by_bend, forward), (self._by_own, own)):
-            by[0] += a * by[2]
-            by[1] += b * by[2]
-            by[2] += more
-        walk, distance = self._walk, abs(forward)
-        along = walk.distance_m**2 * distance
-        self._xx += 2.0 * a * self._xh + a * a * self._hh + along * c * c
-        self._xy += a * self._yh + b * self._xh + a * b * self._hh + along * c * s
-        self._yy += 2.0 * b * self._yh + b * b * self._hh + along * s * s
-        self._xh += a * self._hh
-        self._yh += b * self._hh
-        self._hh += walk.turn_rad**2 * abs(turn - own) / math.tau + walk.drift_rad**2 * distance
-        self._x, self._y = self._x + c * forward, self._y + s * forward
-        self._heading += turn
+    def add(self, *odometry: Pose) -> None:
+        """From each of these readings to the next, `pose_robot_in_odometry`: bits that are nearly straight, or turns on
+        the spot."""
+        _add(
+            np.array([(pose.x, pose.y, pose.heading) for pose in odometry]),
+            self._variances,
+            self._own_left_rad,
+            self._change,
+            self._by,
+            self._covariance,
+        )
 
     @property
     def total(self) -> Motion:
         """The motion so far."""
-        rows = [
-            [self._xx, self._xy, self._xh],
-            [self._xy, self._yy, self._yh],
-            [self._xh, self._yh, self._hh],
-        ]
-        by_wheels = np.column_stack([self._by_turn, self._by_bend])
-        change = np.array([self._x, self._y, self._heading])
-        return Motion(change, by_wheels, np.array(self._by_own), np.array(rows))
+        by = self._by.T
+        return Motion(self._change.copy(), by[:, :2].copy(), by[:, 2].copy(), self._covariance.copy())
+
+
+@inner_kernel
+def _add(odometry, variances, own_left, change, by, covariance):  # type: ignore[no-untyped-def]
+    """Heading errors so far move the end of a bit across it: with F = I + [0 0 a; 0 0 b; 0 0 0] the derivative goes
+    over into F D, the covariance P into F P F'; each row of `by` is one column of D."""
+    p = covariance
+    for i in range(len(odometry) - 1):
+        bx, by_, bh = odometry[i, 0], odometry[i, 1], odometry[i, 2]
+        c, s = math.cos(bh), math.sin(bh)
+        forward = -c * bx - s * by_ + c * odometry[i + 1, 0] + s * odometry[i + 1, 1]
+        turn = odometry[i + 1, 2] - bh
+        heading = change[2] + 0.5 * turn
+        c, s = math.cos(heading), math.sin(heading)
+        a, b = -s * forward, c * forward
+        own = min(max(turn, min(0.0, own_left[0])), max(0.0, own_left[0]))
+        own_left[0] -= own
+        for k in range(3):
+            by[k, 0] += a * by[k, 2]
+            by[k, 1] += b * by[k, 2]
+            by[k, 2] += turn if k == 0 else forward if k == 1 else own
+        distance = abs(forward)
+        along = variances[0] * distance
+        p[0, 0] += 2.0 * a * p[0, 2] + a * a * p[2, 2] + along * c * c
+        p[0, 1] += a * p[1, 2] + b * p[0, 2] + a * b * p[2, 2] + along * c * s
+        p[1, 1] += 2.0 * b * p[1, 2] + b * b * p[2, 2] + along * s * s
+        p[0, 2] += a * p[2, 2]
+        p[1, 2] += b * p[2, 2]
+        p[2, 2] += variances[1] * abs(turn - own) / (2.0 * math.pi) + variances[2] * distance
+        p[1, 0], p[2, 0], p[2, 1] = p[0, 1], p[0, 2], p[1, 2]
+        change[0], change[1] = change[0] + c * forward, change[1] + s * forward
+        change[2] += turn
 
 
 def own_part(turn_rad: float, left_rad: float) -> float:

@@ -40,7 +40,9 @@ class SmoothedSlam(ChainSlam):
 
     def predict_along(self, odometry: Sequence[Pose]) -> list[Pose]:
         """`predict` at each of these readings, the pose after each."""
-        return [self.predict(pose) for pose in odometry]
+        if self._odometry is not None:
+            self._motion.add(self._odometry, *odometry)
+        return super().predict_along(odometry)
 
     def update(self, scan: Scan) -> ScanUpdate:
         """Section III first, then everything again."""
