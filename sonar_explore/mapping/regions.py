@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
-from skimage.measure import label, regionprops
 
 from sonar_explore.compiled import kernel
 from sonar_explore.mapping.grid import Cells, Mask
@@ -29,14 +28,18 @@ def enclosed_blocks(
         resolution_m: side of a cell, [m].
         least_m2: area, [m2].
     """
-    enclosed = ndimage.binary_fill_holes(free) & ~free
+    blocks, _ = ndimage.label(ndimage.binary_fill_holes(free) & ~free)
+    rows, columns = np.nonzero(blocks)
+    block = blocks[rows, columns]
+    areas = np.bincount(block)
+    row_sums, column_sums = np.bincount(block, weights=rows), np.bincount(block, weights=columns)
     return [
         (
-            origin[0] + (region.centroid[1] + 0.5) * resolution_m,
-            origin[1] + (region.centroid[0] + 0.5) * resolution_m,
+            origin[0] + (float(column_sums[i] / areas[i]) + 0.5) * resolution_m,
+            origin[1] + (float(row_sums[i] / areas[i]) + 0.5) * resolution_m,
         )
-        for region in regionprops(label(enclosed, connectivity=1))
-        if region.area * resolution_m**2 >= least_m2
+        for i in range(1, len(areas))
+        if areas[i] * resolution_m**2 >= least_m2
     ]
 
 

@@ -9,7 +9,6 @@ from itertools import pairwise
 
 import numpy as np
 from scipy import ndimage
-from skimage.measure import approximate_polygon
 
 from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array
@@ -18,6 +17,7 @@ from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.mapping.regions import without_holes
 from sonar_explore.planning.cheapest import cheapest_costs, cheapest_way
+from sonar_explore.planning.polyline import fewer_corners
 
 TOLERANCES_M = (0.10, 0.05, 0.025)  # how far a straightened path may leave the cells of the cheapest one
 
@@ -162,9 +162,9 @@ def straightened(path: Array, room_m: Array, frame: GridFrame, enough_m: float =
     """
     least = min(enough_m, _least_room(path, room_m, frame))
     for tolerance in TOLERANCES_M:
-        simple = approximate_polygon(path, tolerance)
+        simple = fewer_corners(path, tolerance)
         if _least_room(sampled(simple, frame.resolution_m), room_m, frame) >= least:
-            return np.asarray(simple)
+            return simple
     return path
 
 

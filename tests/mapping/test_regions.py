@@ -5,11 +5,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
-from skimage.measure import label
+from skimage.measure import label, regionprops
 from skimage.morphology import remove_small_holes
 
 from sonar_explore.mapping.distance import distances
-from sonar_explore.mapping.regions import labelled, without_holes
+from sonar_explore.mapping.regions import enclosed_blocks, labelled, without_holes
 from sonar_explore.mapping.rows import differing_rows
 
 seeds = st.integers(0, 10_000)
@@ -26,6 +26,19 @@ def test_small_holes_are_those_of_scikit_image(seed):
     mask, rng = patches(seed)
     most = int(rng.integers(1, 25))
     assert (without_holes(mask, most) == remove_small_holes(mask, max_size=most)).all()
+
+
+@settings(max_examples=150, deadline=None)
+@given(seeds)
+def test_blocks_that_are_surrounded_are_those_of_scikit_image(seed):
+    free, rng = patches(seed)
+    least_m2 = float(rng.uniform(0.0025, 0.02))
+    regions = regionprops(label(ndimage.binary_fill_holes(free) & ~free, connectivity=1))
+    assert enclosed_blocks(free, (-1.0, 2.0), 0.05, least_m2) == [
+        (-1.0 + (region.centroid[1] + 0.5) * 0.05, 2.0 + (region.centroid[0] + 0.5) * 0.05)
+        for region in regions
+        if region.area * 0.05**2 >= least_m2
+    ]
 
 
 @settings(max_examples=100, deadline=None)
