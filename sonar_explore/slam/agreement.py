@@ -110,7 +110,7 @@ def extract(scan: Scan, config: FeatureConfig, agreement: AgreementConfig) -> Ex
         and not any(_near(f, a.bearing_rad, a.range_m, agreement) for a in agreed)
     ]
     features = tuple(sorted([*agreed, *points], key=lambda feature: feature.bearing_rad))
-    return Extraction(features, _turn_error(walls, agreement))
+    return Extraction(features, turn_error([(w.sweep, w.bearing) for w in walls], agreement.noise_rad))
 
 
 def _heard(scan: Scan, first: Sequence[Feature], others: Sequence[Array]) -> _Heard:
@@ -248,14 +248,19 @@ def _near(feature: Feature, bearing: float, depth: float, config: AgreementConfi
     )
 
 
-def _turn_error(walls: Sequence[_Heard], config: AgreementConfig) -> TurnError | None:
-    """Least squares over all walls: each has one bearing, less the error times how far the robot had turned."""
-    swept = [w.sweep - _mean(w.sweep) for w in walls]
-    pull = sum(float(sweep @ wall.bearing) for sweep, wall in zip(swept, walls, strict=True))
+def turn_error(heard: Sequence[tuple[Array, Array]], noise_rad: float) -> TurnError | None:
+    """Least squares over what several discs heard: each has one bearing, less the error times the turn by then.
+
+    Args:
+        heard: how far the robot had turned when each disc heard it, and at what bearing, shape (n,) both, [rad].
+        noise_rad: standard deviation of one disc's bearing, [rad].
+    """
+    swept = [sweep - _mean(sweep) for sweep, _ in heard]
+    pull = sum(float(sweep @ bearing) for sweep, (_, bearing) in zip(swept, heard, strict=True))
     weight = sum(float((sweep**2).sum()) for sweep in swept)
     if weight <= 0.0:
         return None
-    return TurnError(-pull / weight, config.noise_rad / math.sqrt(weight))
+    return TurnError(-pull / weight, noise_rad / math.sqrt(weight))
 
 
 def _mean(values: Array) -> float:

@@ -49,10 +49,13 @@ class SmoothedSlam(ChainSlam):
         known = self._filter.turn_error
         update = super().update(scan)
         assert self._unsmeared is not None
-        points = points_of(self._unsmeared, self.config.features, self.config.points)
+        found = points_of(self._unsmeared, self.config.features, self.config.points)
+        points = found.points
         met = self._met_again(points, update.pose, self._smear - known)
-        heard = self._turn_heard and replace(self._turn_heard, relative=self._turn_heard.relative + known)
-        self._smoother.add_scan(update.pose, self._motion.total if update.index else None, heard)
+        turns = [
+            replace(turn, relative=turn.relative + known) for turn in (self._turn_heard, found.turn) if turn
+        ]
+        self._smoother.add_scan(update.pose, self._motion.total if update.index else None, turns)
         self._motion.clear(turn_of(scan))
         for merge in update.merges:
             self._smoother.merge(merge.survivor, merge.absorbed)

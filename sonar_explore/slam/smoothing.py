@@ -16,6 +16,7 @@ Gauss-Newton with a robust loss (Huber, then Cauchy), so that a false merge bend
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -119,15 +120,14 @@ class Smoother:
         self._solved: tuple[SuperLU, Unknowns, dict[int, int]] | None = None
         """The factors of the last solution, the unknowns then, and which line is whose chain's."""
 
-    def add_scan(self, pose: Pose, motion: Motion | None, turn: TurnError | None = None) -> None:
+    def add_scan(self, pose: Pose, motion: Motion | None, turns: Sequence[TurnError] = ()) -> None:
         """A new scan, first guessed here.
 
         Args:
             motion: from the scan before, None for the first.
-            turn: what the discs say of the error of its turn.
+            turns: what the discs say of the error of its turn, by walls and by points.
         """
-        if turn is not None:
-            self._turns.append((len(self.poses), turn.relative, turn.sigma))
+        self._turns += [(len(self.poses), turn.relative, turn.sigma) for turn in turns]
         self.poses = np.vstack([self.poses, [pose.x, pose.y, pose.heading]])
         self.own = np.append(self.own, 0.0)
         if motion is not None:

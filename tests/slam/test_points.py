@@ -2,6 +2,7 @@
 """Edges and corners fall together where several discs hear them, walls do not; and they are known again."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from sonar_explore.envs.world import World
 from sonar_explore.geometry import Pose
 from sonar_explore.slam import SlamConfig
 from sonar_explore.slam.point_matching import MatchingConfig, matched
-from sonar_explore.slam.points import PointConfig, points_of
+from sonar_explore.slam.points import PointConfig, PointsHeard, points_of
 
 FEATURES, CONFIG, MATCHING = SlamConfig.robust().features, PointConfig(), MatchingConfig()
 DOOR = [[0, 0, 5, 0], [5, 0, 5, 4], [5, 4, 0, 4], [0, 4, 0, 0], [0, 2, 1.9, 2], [3.1, 2, 5, 2]]
@@ -31,7 +32,7 @@ def scan_at(x, y, heading=0.3, walls=DOOR, seed=0, direction=1):
 
 
 def places(pose, scan):
-    return np.array([p.seen_from(pose) for p in points_of(scan, FEATURES, CONFIG)]).reshape(-1, 2)
+    return np.array([p.seen_from(pose) for p in points_of(scan, FEATURES, CONFIG).points]).reshape(-1, 2)
 
 
 @settings(max_examples=12, deadline=None)
@@ -49,12 +50,12 @@ def test_the_edges_of_a_door_are_heard_to_a_few_centimetres_whichever_way_the_ro
 @given(seeds, st.floats(0.8, 1.7), st.floats(-0.9, 0.9))
 def test_a_plain_wall_gives_no_point(seed, away, along):
     _, scan = scan_at(10.0 - away, along, walls=[[10, -6, 10, 6]], seed=seed)
-    assert points_of(scan, FEATURES, CONFIG) == ()
+    assert points_of(scan, FEATURES, CONFIG).points == ()
 
 
 def test_a_scan_of_one_disc_gives_no_points():
     _, scan = scan_at(2.5, 1.2)
-    assert points_of(scan, FEATURES, CONFIG)
+    assert points_of(scan, FEATURES, CONFIG).points
     alone = type(scan)(
         scan.pose_robot_in_odometry,
         scan.headings_rad,
@@ -62,7 +63,25 @@ def test_a_scan_of_one_disc_gives_no_points():
         scan.pose_sonar_in_robot,
         scan.range_max_m,
     )
-    assert points_of(alone, FEATURES, CONFIG) == ()
+    assert points_of(alone, FEATURES, CONFIG) == PointsHeard((), None)
+
+
+@pytest.mark.parametrize("direction", [-1, 1])
+def test_points_tell_by_how_much_the_robot_turned_more_than_it_counted(direction):
+    off = []
+    for seed in range(8):
+        _, scan = scan_at(2.3 + 0.05 * seed, 1.1, seed=seed, direction=direction)
+        short = stretched(scan, 1.0 / 1.006)  # it turned by 0.6 % more than these headings say
+        turn = points_of(short, FEATURES, CONFIG).turn
+        assert turn is not None
+        off.append((turn.relative - 0.006) / turn.sigma)
+    assert abs(np.mean(off)) < 1.0 and np.abs(off).max() < 3.5
+
+
+def stretched(scan, factor):
+    return replace(
+        scan, headings_rad=scan.headings_rad * factor, others=tuple(stretched(o, factor) for o in scan.others)
+    )
 
 
 def move(points, about, shift, turn):

@@ -25,7 +25,7 @@ from sonar_explore.measurement import Scan
 from sonar_explore.slam.agreement import AgreementConfig, Extraction, extract
 from sonar_explore.slam.features import Feature, FeatureConfig, FeatureKind
 from sonar_explore.slam.motion import Motion, MotionSum, RandomWalk
-from sonar_explore.slam.points import PointConfig, points_of
+from sonar_explore.slam.points import PointConfig, PointsHeard, points_of
 from sonar_explore.slam.slam import turn_of
 from sonar_explore.slam.smoothing import Sighting, Smoother, SmoothingConfig
 from sonar_explore.studies.compare.drives import Drive
@@ -86,10 +86,10 @@ def oracle(
             true_walls(pose, found.features, ratio / (1.0 + turn_error) - 1.0, walls, config)
             for pose, ratio, found in zip(drive.true_poses, drive.turn_ratios, seen, strict=True)
         ]
-        points = [
+        heard = [
             _points(i, drive, turn_error, walls.reshape(-1, 2), features, config) for i in range(len(seen))
         ]
-        smoother = _solved(drive, motions, seen, owners, points, turn_error, noise, config)
+        smoother = _solved(drive, motions, seen, owners, heard, turn_error, noise, config)
         turn_error = float(smoother.constants[0])
     poses = tuple(Pose(*map(float, row)) for row in smoother.poses)
     return OracleResult(poses, tuple(owners), tuple(found.features for found in seen), lines_of(walls))
@@ -164,17 +164,17 @@ def _true_wall(
 
 def _points(
     index: int, drive: Drive, turn_error: float, ends: Array, features: FeatureConfig, config: OracleConfig
-) -> list[Sighting]:
-    """Points of a scan that are ends of straight walls, shape (n, 2), [m], seen from its true pose."""
+) -> tuple[PointsHeard, list[Sighting]]:
+    """Points of a scan, and those that are ends of straight walls, shape (n, 2), [m], seen from its true pose."""
     smear = drive.turn_ratios[index] / (1.0 + turn_error) - 1.0
-    found = []
-    for point in points_of(_unsmeared(drive.scans[index], turn_error), features, config.points):
+    heard, ends_heard = points_of(_unsmeared(drive.scans[index], turn_error), features, config.points), []
+    for point in heard.points:
         off = np.hypot(*(ends - point.seen_from(drive.true_poses[index], smear)).T)
         if off.min() <= config.distance_m:
             bearing = point.bearing_rad - point.sweep_rad * turn_error
             end = int(np.argmin(off))
-            found.append(Sighting(index, end, bearing, point.sweep_rad, point.range_m, point.discs))
-    return found
+            ends_heard.append(Sighting(index, end, bearing, point.sweep_rad, point.range_m, point.discs))
+    return heard, ends_heard
 
 
 def _unsmeared(scan: Scan, turn_error: float) -> Scan:
@@ -209,7 +209,7 @@ def _solved(
     motions: Sequence[Motion],
     seen: Sequence[Extraction],
     walls: Sequence[Sequence[int | None]],
-    points: Sequence[Sequence[Sighting]],
+    heard: Sequence[tuple[PointsHeard, Sequence[Sighting]]],
     turn_error: float,
     noise: OdometryNoise,
     config: OracleConfig,
@@ -219,15 +219,17 @@ def _solved(
     smoothing = replace(config.smoothing, turn_rad=max(noise.turn_sigma_rad, _LEAST))
     out = Smoother(drive.world.start, smoothing, wheels)
     for i, pose in enumerate(drive.true_poses):
-        turn = seen[i].turn
-        turn = turn and replace(turn, relative=turn.relative + turn_error)
-        out.add_scan(pose, motions[i - 1] if i else None, turn)
+        found, points = heard[i]
+        turns = [
+            replace(turn, relative=turn.relative + turn_error) for turn in (seen[i].turn, found.turn) if turn
+        ]
+        out.add_scan(pose, motions[i - 1] if i else None, turns)
         for feature, wall in zip(seen[i].features, walls[i], strict=True):
             if wall is None:
                 continue
             bearing = feature.bearing_rad - feature.sweep_rad * turn_error
             out.add_sighting(Sighting(i, wall, bearing, feature.sweep_rad, feature.range_m, feature.discs))
-        for point in points[i]:
+        for point in points:
             out.add_point(point)
     for _ in range(MOST_ROUNDS):
         before = out.poses
