@@ -25,7 +25,7 @@ def test_every_figure_that_the_page_shows_is_there():
     ("statement", "problem"),
     [
         (Statement("III.B", "x", ("slam/association.py:magic",), ("y",), "5"), "does not exist"),
-        (Statement("III.G", "x", ("slam/rcd.py:_regions",), ("y",), "5"), "cites the section"),
+        (Statement("III.G", "x", ("slam/rcd.py:regions",), ("y",), "5"), "cites the section"),
         (Statement("III.B", "x", (), ("a_test_that_nobody_wrote",), "5"), "no test"),
         (Statement("III.B", "x", (), (), "5"), "no test of 'x'"),
     ],
