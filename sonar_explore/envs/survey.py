@@ -241,10 +241,11 @@ def as_json(world: World, found: Survey) -> dict[str, object]:
 def as_text(world: World, found: Survey) -> str:
     """What `sonar-explore world` prints: a line for each fact, warnings last."""
     narrowest = "none" if found.narrowest_m is None else f"{found.narrowest_m:.2f} m"
+    columns = "column" if found.columns == 1 else "columns"
     heading = float(np.degrees(world.start.heading))
     rows = [
         ("extent", f"{found.extent_m[0]:.1f} x {found.extent_m[1]:.1f} m"),
-        ("walls", f"{found.walls}, {found.wall_length_m:.0f} m together; {found.columns} columns"),
+        ("walls", f"{found.walls}, {found.wall_length_m:.0f} m together; {found.columns} {columns}"),
         ("start", f"({world.start.x:.2f}, {world.start.y:.2f}) m, {heading:.0f} deg"),
         ("free area", f"{found.free_area_m2:.1f} m2"),
         ("within reach", f"{found.reached_area_m2:.1f} m2, {100 * found.reached_share:.1f} %"),

@@ -87,9 +87,10 @@ def goal_lines(study: Study, variant: str = "chain") -> list[str]:
     rows = [row for row in study.rows if row.variant == variant]
     missed = [row for row in rows if row.misses_goal]
     goal = f"The goal is {100 * GOAL:.0f} of 100 with `{variant}` in each world"
+    seeds = f"seeds 0 to {study.seeds - 1}" if study.seeds > 1 else "seed 0"
     if not missed:
-        return [f"{goal}: it is reached in all {len(rows)} of them, seeds 0 to {study.seeds - 1}."]
-    lines = [f"{goal}. With seeds 0 to {study.seeds - 1} it is missed in {len(missed)} of {len(rows)}:"]
+        return [f"{goal}: it is reached in all {len(rows)} of them, {seeds}."]
+    lines = [f"{goal}. With {seeds} it is missed in {len(missed)} of {len(rows)}:"]
     lines += [
         f"- **{row.world}**: {row.success.successes} of {row.success.n}; failures by cause: {causes_text(row)}."
         for row in missed
