@@ -76,8 +76,11 @@ class Run(msgspec.Struct, frozen=True):
 
     @property
     def ratio(self) -> float | None:
-        """Driven over the tour with the map known."""
-        return self.summary.path_length_m / self.tour_m if self.summary and self.tour_m > 0.0 else None
+        """Driven over the tour with the map known; None where too little was explored: to stop early saves nothing."""
+        s = self.summary
+        if s is None or s.explored_fraction < LEAST_EXPLORED or self.tour_m <= 0.0:
+            return None
+        return s.path_length_m / self.tour_m
 
     @property
     def misses(self) -> tuple[Miss, ...]:

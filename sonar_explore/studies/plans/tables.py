@@ -36,7 +36,8 @@ def goal_lines(study: PlansStudy) -> list[str]:
         f"- No contact: {verdict(contacts == 0)}, {contacts} of {len(runs)} runs touched something.",
         f"- No end by the limit of {study.max_scans} scans: {verdict(limit == 0)}, {limit} of {len(runs)} did.",
         f"- At most {MOST_RATIO} times the tour with the map known: {verdict(within.value == 1.0)}; "
-        f"the median is {median_text(median(ratios))}, and {rate_text(within)} % of the runs cost no more.",
+        f"the median is {median_text(median(ratios))}, and {rate_text(within)} % of the runs that explored enough "
+        "cost no more.",
         f"- {len(runs) - len(done)} runs ended with an exception.",
     ]
 
@@ -120,7 +121,7 @@ def _plan_cells(name: str, runs: Sequence[Run]) -> tuple[str, ...]:
         str(sum(s.contacts for s in done)),
         f"{np.median([s.scans for s in done]):.0f}",
         f"{np.median([s.path_length_m for s in done]):.0f}",
-        f"{np.median(ratios):.2f}",
+        f"{np.median(ratios):.2f}" if ratios else "-",
     )
 
 

@@ -166,6 +166,15 @@ def test_every_failure_has_a_cause_and_a_picture(study):
     assert all(f"### {run.building}, seed" in section for run in failures) and "old" not in section
 
 
+def test_only_runs_that_explored_enough_count_for_the_cost(study):
+    runs = study[1].runs
+    assert any(run.ratio is None for run in runs if run.summary and run.summary.explored_fraction < 0.97)
+    for run in runs:
+        s = run.summary
+        enough = s is not None and s.explored_fraction >= 0.97
+        assert run.ratio == (pytest.approx(s.path_length_m / run.tour_m) if s and enough else None)
+
+
 def test_taken_up_again_it_runs_nothing_and_finds_the_same(study):
     chosen, found = study
     before = {p: p.stat().st_mtime_ns for p in (chosen.out / "episodes").rglob("*.*")}
