@@ -20,23 +20,27 @@ with contextlib.suppress(ImportError):
 
 def kernel(function: F) -> F:
     """Mark a kernel: compiled at its first call and cached on disk; no fast-math, so no change of results."""
-    if njit is None:
-        return function
-    compiled: F = njit(cache=True)(function)
-    return compiled
+    return _compiled(function)
+
+
+def lean_kernel(function: F) -> F:
+    """A kernel that neither makes nor returns arrays: without reference counts, calls among kernels cost nothing."""
+    return _compiled(function, _nrt=False)
 
 
 def inner_kernel(function: F) -> F:
-    """A kernel that neither makes nor returns arrays: without reference counts, calls among kernels cost nothing."""
-    if njit is None:
-        return function
-    compiled: F = njit(cache=True, _nrt=False)(function)
-    return compiled
+    """A lean kernel that other kernels call, nobody else: without a way in from Python it compiles sooner."""
+    return _compiled(function, _nrt=False, no_cpython_wrapper=True)
 
 
 def inlined_kernel(function: F) -> F:
     """An inner kernel that its callers take in whole: for those called from loops with many arrays to hand over."""
+    return _compiled(function, _nrt=False, no_cpython_wrapper=True, forceinline=True)
+
+
+def _compiled(function: F, **options: bool) -> F:
+    """None is called from C: a way in for that is left out."""
     if njit is None:
         return function
-    compiled: F = njit(cache=True, _nrt=False, forceinline=True)(function)
+    compiled: F = njit(cache=True, no_cfunc_wrapper=True, **options)(function)
     return compiled

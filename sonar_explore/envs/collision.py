@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from sonar_explore.compiled import inner_kernel
+from sonar_explore.compiled import lean_kernel
 from sonar_explore.envs.pings import cell_of
 from sonar_explore.envs.scene import Scene
 
@@ -14,7 +14,7 @@ def clearance(scene: Scene, x: float, y: float) -> float:
     return float(clearance_at(x, y, scene.things, scene.index))
 
 
-@inner_kernel
+@lean_kernel
 def clearance_at(x, y, things, index):  # type: ignore[no-untyped-def]
     """`clearance` for kernels."""
     walls, cylinders = things.walls, things.cylinders

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from sonar_explore.compiled import inner_kernel
+from sonar_explore.compiled import inner_kernel, lean_kernel
 from sonar_explore.envs.collision import clearance_at
 from sonar_explore.envs.pings import Ear, Index, Scratch, Things, fire_all
 
@@ -12,7 +12,7 @@ TRUE, ODOMETRY, DISC, OUTCOME = range(4)
 """Rows of the state, shape (4, 3): x y heading of robot, odometry and disc [m, rad]; range [m] and touch 0/1."""
 
 
-@inner_kernel
+@lean_kernel
 def drive_and_fire(  # type: ignore[no-untyped-def]
     state, forward, turn, true_forward, true_turn, radius, mount, things, index, room, ear, kinds
 ):

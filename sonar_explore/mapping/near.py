@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from sonar_explore.compiled import inner_kernel
+from sonar_explore.compiled import inner_kernel, lean_kernel
 from sonar_explore.geometry import Array
 
 
@@ -13,7 +13,7 @@ def any_within_in_blocks(points: Array, x: float, y: float, distance_m: float) -
     return bool(_any_in_blocks(points, x, y, distance_m))
 
 
-@inner_kernel
+@lean_kernel
 def _any_in_blocks(points, x, y, distance):  # type: ignore[no-untyped-def]
     for i in range(len(points)):  # noqa: SIM110 - numba compiles no any()
         if abs(points[i, 0] - x) + abs(points[i, 1] - y) <= distance:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sonar_explore.compiled import kernel
+from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array
 
 
@@ -39,7 +39,7 @@ def _missing(rows, others):  # type: ignore[no-untyped-def]
     return out
 
 
-@kernel
+@inner_kernel
 def _slot(row, size):  # type: ignore[no-untyped-def]
     mixed = 12.9898 * row[0] + 78.233 * row[1] + 37.719 * row[2] + 4.581 * row[3]
     return int(abs(mixed) * 1e6) % size

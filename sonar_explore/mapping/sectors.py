@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.compiled import inner_kernel, kernel
+from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States
 
@@ -202,7 +202,7 @@ def _mark_segments(evidence, x0, y0, resolution, segments, weight):  # type: ign
                 evidence[row, column] += weight
 
 
-@inner_kernel
+@lean_kernel
 def _cut_all(poses, clear, barriers, own, first, margin, beams):  # type: ignore[no-untyped-def]
     """Sector b of a scan has the cosine and the sine of its middle in column b less the first that there can be of
     `beams`, once it was asked for."""
@@ -216,7 +216,7 @@ def _cut_all(poses, clear, barriers, own, first, margin, beams):  # type: ignore
             clear[i, b] = max(clear[i, b], 0.0)
 
 
-@inner_kernel
+@lean_kernel
 def _cut(x, y, heading, clear, segments, margin, beams):  # type: ignore[no-untyped-def]
     n = len(clear)
     lowest = int(math.floor((-math.pi - heading) / (2.0 * math.pi) * n - 0.5 * n)) - 2
@@ -343,7 +343,7 @@ def _change(cleared, core, x0, y0, resolution, x, y, row, column, reach, sectors
     return True
 
 
-@kernel
+@inner_kernel
 def _within(dx, dy, square, limit, limit_square):  # type: ignore[no-untyped-def]
     """1 where hypot(dx, dy) is at most the limit; near it the squares do not decide."""
     if abs(square - limit_square) < _HAIR_M2:
@@ -351,7 +351,7 @@ def _within(dx, dy, square, limit, limit_square):  # type: ignore[no-untyped-def
     return 1 if square < limit_square else 0
 
 
-@kernel
+@inner_kernel
 def _nearly_atan2(y, x):  # type: ignore[no-untyped-def]
     """atan2 to 2e-5 rad; its sign and quadrant are exact."""
     ax, ay = abs(x), abs(y)

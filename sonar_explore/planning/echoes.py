@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from sonar_explore.amigobot import AmigoBot
-from sonar_explore.compiled import inner_kernel, kernel
+from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.mapping.near import any_within
 
@@ -186,7 +186,7 @@ def _forget_far(pieces, count, x, y):  # type: ignore[no-untyped-def]
     return kept
 
 
-@inner_kernel
+@lean_kernel
 def _nearest_danger(pieces, count, x, y, c, s, ahead, room):  # type: ignore[no-untyped-def]
     """The piece that a drive would come nearest to, of those that it would come too near to; -1 for none."""
     nearest, found = np.inf, -1

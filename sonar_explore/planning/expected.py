@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sonar_explore.compiled import kernel
+from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array
 from sonar_explore.mapping.grid import Mask
 from sonar_explore.mapping.occupancy import OccupancyGrid
@@ -70,7 +70,7 @@ def _expect(places, spans, near, far, grows, occupied, x0, y0, resolution, out):
                 out[i, k] = _in_sight(occupied, x0, y0, resolution, x, y, foot_x, foot_y)
 
 
-@kernel
+@inner_kernel
 def _in_sight(occupied, x0, y0, resolution, x, y, fx, fy):  # type: ignore[no-untyped-def]
     """Whether no occupied cell stands more than 15 cm before the foot."""
     length = math.hypot(fx - x, fy - y)

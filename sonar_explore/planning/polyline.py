@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from sonar_explore.compiled import inner_kernel
+from sonar_explore.compiled import lean_kernel
 from sonar_explore.geometry import Array
 
 
@@ -31,7 +31,7 @@ def fewer_corners(path: Array, tolerance_m: float) -> Array:
     return path[kept]
 
 
-@inner_kernel
+@lean_kernel
 def _farthest(path, first, last, cos, sin, offset):  # type: ignore[no-untyped-def]
     """The point between two of a polyline that is farthest from the straight line between them, and how far, [m]."""
     x0, y0, x1, y1 = path[first, 0], path[first, 1], path[last, 0], path[last, 1]

@@ -75,7 +75,7 @@ def _walls(bearings, headings, ranges, lever_m, lever_rad, range_max, limits, wa
         return -1
     rows, runs = np.empty((n, 4)), np.empty((n, 2), dtype=np.int64)
     count = regions(bearings, ranges, lever_m, lever_rad, range_max, limits[0], limits[1], rows, runs)
-    kept = 0
+    kept = np.int64(0)  # a plain 0 is a constant: what it is handed to would be compiled twice
     for k in range(count):
         wide = rows[k, LAST] - rows[k, FIRST] >= limits[4]
         if limits[2] <= rows[k, ECHO] <= limits[3] and wide:
@@ -84,7 +84,7 @@ def _walls(bearings, headings, ranges, lever_m, lever_rad, range_max, limits, wa
     plateau = np.empty(kept, dtype=np.bool_)
     for k in range(kept):
         plateau[k] = _is_plateau(rows, runs, k, kept, n, limits)
-    count = 0
+    count = np.int64(0)
     step = _usual_step(bearings)
     for k in range(kept):
         if plateau[k] and _like_a_plane(rows, runs, k, bearings, ranges, step, limits):

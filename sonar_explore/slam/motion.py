@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sonar_explore.compiled import inner_kernel
+from sonar_explore.compiled import lean_kernel
 from sonar_explore.geometry import Array, Pose
 
 
@@ -71,7 +71,7 @@ class MotionSum:
         return Motion(self._change.copy(), by[:, :2].copy(), by[:, 2].copy(), self._covariance.copy())
 
 
-@inner_kernel
+@lean_kernel
 def _add(odometry, variances, own_left, change, by, covariance):  # type: ignore[no-untyped-def]
     """Heading errors so far move the end of a bit across it: with F = I + [0 0 a; 0 0 b; 0 0 0] the derivative goes
     over into F D, the covariance P into F P F'; each row of `by` is one column of D."""

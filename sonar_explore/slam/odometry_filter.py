@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.compiled import inner_kernel
+from sonar_explore.compiled import lean_kernel
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.agreement import TurnError
@@ -252,7 +252,7 @@ class OdometryFilter:
         self.covariance = p
 
 
-@inner_kernel
+@lean_kernel
 def _turned_along(odometry, begin, wheels, sums, most_forward, poses):  # type: ignore[no-untyped-def]
     """The poses, and the sums on the way; False where the robot moved on so far that the covariance must spread."""
     pose_x, pose_y, pose_heading = begin[0], begin[1], begin[2]

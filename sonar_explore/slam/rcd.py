@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.compiled import inner_kernel, kernel
+from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array
 from sonar_explore.measurement import Scan
@@ -122,7 +122,7 @@ def region_rows(scan: Scan, tolerance_m: float) -> tuple[Array, NDArray[np.int64
     return rows[:count], runs[:count]
 
 
-@inner_kernel
+@lean_kernel
 def all_ranges(ranges):  # type: ignore[no-untyped-def]
     """Whether all are finite and not negative."""
     fine = True
@@ -131,7 +131,7 @@ def all_ranges(ranges):  # type: ignore[no-untyped-def]
     return fine
 
 
-@inner_kernel
+@lean_kernel
 def one_way_round(headings, bearings):  # type: ignore[no-untyped-def]
     """Whether all headings are finite, and the bearings rise or fall from reading to reading."""
     rising = falling = np.isfinite(headings[0])

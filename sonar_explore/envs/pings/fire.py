@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from sonar_explore.compiled import inner_kernel
+from sonar_explore.compiled import inner_kernel, lean_kernel
 from sonar_explore.envs.pings.arrays import (
     HIDDEN_BY,
     NEAR_CELLS,
@@ -27,7 +27,7 @@ from sonar_explore.envs.pings.ghosts import ghosts
 from sonar_explore.envs.pings.views import hidden_by, view
 
 
-@inner_kernel
+@lean_kernel
 def fire_all(discs, things, index, room, ear, ranges, kinds):  # type: ignore[no-untyped-def]
     """First echo of each disc (x, y, heading), into `ranges` and `kinds`."""
     stop = START
@@ -76,7 +76,7 @@ def _all_near(index, lists, n_cells):  # type: ignore[no-untyped-def]
     return Near(lists[NEAR_WALLS, :walls], lists[NEAR_WEDGES, :wedges], lists[NEAR_COLUMNS, :columns])
 
 
-@inner_kernel
+@lean_kernel
 def _near(cells, n_cells, first, items, near, spare):  # type: ignore[no-untyped-def]
     """What is near any of these cells, rising, into `near`: how many."""
     n = 0
@@ -122,7 +122,7 @@ def _together(discs, start, frame, cells):  # type: ignore[no-untyped-def]
     return stop, Circle(vx, vy, math.sqrt(rho), 1.0, NONE, NONE), n
 
 
-@inner_kernel
+@lean_kernel
 def turned_discs(x, y, headings, mounts, discs):  # type: ignore[no-untyped-def]
     """Poses of discs mounted so (x y heading, shape (n, 3)) on a body at (x, y) with these headings, into `discs`."""
     for n in range(len(headings)):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from sonar_explore.compiled import inner_kernel
+from sonar_explore.compiled import inner_kernel, lean_kernel
 
 
-@inner_kernel
+@lean_kernel
 def crossing(px, py, qx, qy, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """Where p->q crosses a-b, as a share of p->q; -1 where it does not. The last micrometre does not count."""
     dx, dy = qx - px, qy - py
@@ -49,7 +49,7 @@ def is_clear(px, py, qx, qy, walls, cylinders, near_walls, near_cylinders, skip_
     return True
 
 
-@inner_kernel
+@lean_kernel
 def mirrored(x, y, walls, i):  # type: ignore[no-untyped-def]
     """Image of a point in wall i's line."""
     ax, ay = walls[i, 0], walls[i, 1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from sonar_explore.compiled import inlined_kernel, inner_kernel
+from sonar_explore.compiled import inlined_kernel, inner_kernel, lean_kernel
 from sonar_explore.envs.pings.arrays import (
     BX,
     BY,
@@ -65,7 +65,7 @@ def amplitude(what, r, gain, i, things, ear):  # type: ignore[no-untyped-def]
     return gain / r
 
 
-@inner_kernel
+@lean_kernel
 def _put(source, place, what, i, dx, dy, off, spread, circle, things, ear):  # type: ignore[no-untyped-def]
     """Fill in a source seen at (dx, dy) from the middle of a view; False where no ping of the view can hear it.
 
@@ -109,7 +109,7 @@ def _opens(wedges, i, dx, dy, rho):  # type: ignore[no-untyped-def]
     return 0
 
 
-@inner_kernel
+@lean_kernel
 def view(circle, things, near, source, ids, n, ear):  # type: ignore[no-untyped-def]
     """The sources that a ping from the circle may hear by way of its mirrors, from row n on: how many in all."""
     last_mirror = circle.mirror_2 if circle.mirror_2 >= 0 else circle.mirror_1
