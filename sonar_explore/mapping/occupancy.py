@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -196,6 +196,19 @@ def _nearest_on_circle(sorted_angles: Array, targets: Array) -> np.ndarray:
     return np.where(gap_right < gap_left, right, left)
 
 
+@dataclass(eq=False)
+class _Drawn:
+    """A map as it was drawn last."""
+
+    sectors: Sectors = field(default_factory=Sectors)
+    poses: Sequence[Pose] = ()
+    """Of the scans."""
+    barriers: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    """What shortened their sectors, shape (n, 4), [m]."""
+    pivots: Mask = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    """Which of their walls are none, shape (n,)."""
+
+
 class OccupancyMapper:
     """Keeps the evidence of all scans and draws the grid from it."""
 
@@ -204,10 +217,10 @@ class OccupancyMapper:
         self._body = body_radius_m
         self._reach = reach_m
         self._frame: GridFrame | None = None
-        self._sectors = Sectors()
         self._placed: list[_Placed] = []
-        self._barriers: Array = np.zeros((0, 4))
-        self._pivots: Mask = np.zeros(0, dtype=bool)
+        self._drawn = {False: _Drawn(), True: _Drawn()}
+        """Believed and doubted: each goes on from where it was drawn last."""
+        self._last = self._drawn[False]
         self.recent_points: Array = np.zeros((0, 2))
         """Corners, edges and columns that the last scans saw, x y, shape (n, 2), map frame, [m]."""
 
@@ -232,8 +245,9 @@ class OccupancyMapper:
         """
         cfg = self._config
         frame = self._covering(poses)
-        moved = self._place(poses, looks)
+        self._place(poses, looks)
         poses = [placed.pose for placed in self._placed]
+        drawn = self._last = self._drawn[doubtful]
         walls = np.concatenate([placed.walls for placed in self._placed])
         scan = np.repeat(np.arange(len(looks)), [len(look.walls) for look in looks])
         pivots = pivot_points(walls, scan, cfg)
@@ -257,31 +271,27 @@ class OccupancyMapper:
             _add_cells(frame, wall_evidence, points, cfg.point_weight)
             gaps = bridges(np.vstack([walls, np.hstack([feet, feet])]), 2.0 * self._body)
         barriers = np.vstack([walls, gaps])
-        self._sectors.resize(frame)
-        again = self._to_cut(poses, looks, moved, scan, pivots, barriers)
+        drawn.sectors.resize(frame)
+        again = self._to_cut(drawn, poses, looks, scan, pivots, barriers)
         for i, clear in zip(again, self._cut(again, looks, ~pivots, barriers), strict=True):
-            self._sectors.put(i, poses[i], clear, looks[i].core_m)
+            drawn.sectors.put(i, poses[i], clear, looks[i].core_m)
         for i, (pose, trail) in enumerate(zip(poses, trails, strict=True)):
-            self._sectors.trail(i, pose, trail, self._body)
+            drawn.sectors.trail(i, pose, trail, self._body)
         bridged = np.zeros(frame.shape)
         mark_segments(frame, bridged, gaps, cfg.wall_weight)
         support = np.maximum(wall_evidence, bridged, out=bridged)
-        return OccupancyGrid(frame, self._sectors.states(support, cfg.core_weight, cfg.body_weight))
+        return OccupancyGrid(frame, drawn.sectors.states(support, cfg.core_weight, cfg.body_weight))
 
     @property
     def trail(self) -> Array:
         """Where the body has been, as last drawn, shape (n, 2), map frame, [m]."""
-        return self._sectors.covered
+        return self._last.sectors.covered
 
-    def _place(self, poses: Sequence[Pose], looks: Sequence[Look]) -> Mask:
-        """Place what scans say that are new or stand elsewhere now; which those are, shape (n scans,)."""
-        moved: Mask = np.zeros(len(poses), dtype=bool)
+    def _place(self, poses: Sequence[Pose], looks: Sequence[Look]) -> None:
+        """Place what scans say that are new or stand elsewhere now."""
         for i, (pose, look) in enumerate(zip(poses, looks, strict=True)):
-            if i < len(self._placed) and self._is_still(self._placed[i].pose, pose):
-                continue
-            self._placed[i : i + 1] = [_Placed.at(pose, look)]
-            moved[i] = True
-        return moved
+            if i >= len(self._placed) or not self._is_still(self._placed[i].pose, pose):
+                self._placed[i : i + 1] = [_Placed.at(pose, look)]
 
     def _is_still(self, drawn: Pose, pose: Pose) -> bool:
         if drawn is pose:
@@ -291,20 +301,23 @@ class OccupancyMapper:
 
     def _to_cut(
         self,
+        drawn: _Drawn,
         poses: Sequence[Pose],
         looks: Sequence[Look],
-        moved: Mask,
         scan: NDArray[np.int64],
         pivots: Mask,
         barriers: Array,
     ) -> list[int]:
         """Scans that may clear other cells than last time: they moved, or a wall of theirs or near them changed."""
-        changed = differing_rows(barriers, self._barriers)
+        before = [*drawn.poses, *[None] * (len(poses) - len(drawn.poses))]
+        moved = np.array([pose is not then for pose, then in zip(poses, before, strict=True)], dtype=bool)
+        changed = differing_rows(barriers, drawn.barriers)
         places = np.array([(p.x, p.y) for p in poses])
         reach = np.array([look.reach_m for look in looks]) + self._config.wall_margin_m
         again = moved | in_reach(places, reach, changed)
-        again[scan[: len(self._pivots)][pivots[: len(self._pivots)] != self._pivots]] = True
-        self._barriers, self._pivots = barriers, pivots
+        known = len(drawn.pivots)
+        again[scan[:known][pivots[:known] != drawn.pivots]] = True
+        drawn.poses, drawn.barriers, drawn.pivots = poses, barriers, pivots
         return np.flatnonzero(again).tolist()
 
     def _cut(self, again: list[int], looks: Sequence[Look], real: Mask, barriers: Array) -> Array:
