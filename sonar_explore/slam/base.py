@@ -19,7 +19,7 @@ from sonar_explore.slam.link_graph import LinkGraphConfig, LinkGraphs
 from sonar_explore.slam.localization import Correction, LocalizationConfig
 from sonar_explore.slam.odometry_filter import FilterConfig
 from sonar_explore.slam.particles import ParticleConfig
-from sonar_explore.slam.points import PointConfig
+from sonar_explore.slam.point_matching import MatchingConfig
 from sonar_explore.slam.probability import ProbabilityConfig
 from sonar_explore.slam.reference import ReferenceConfig
 from sonar_explore.slam.scan_matching import ScanMatchConfig
@@ -43,7 +43,7 @@ class SlamConfig:
     turning: TurningConfig = field(default_factory=TurningConfig)
     reference: ReferenceConfig = field(default_factory=ReferenceConfig)
     odometry: FilterConfig = field(default_factory=FilterConfig)
-    points: PointConfig = field(default_factory=PointConfig)
+    matching: MatchingConfig = field(default_factory=MatchingConfig)
     smoothing: SmoothingConfig = field(default_factory=SmoothingConfig)
     particles: ParticleConfig = field(default_factory=ParticleConfig)
     scan_match: ScanMatchConfig = field(default_factory=ScanMatchConfig)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from sonar_explore.compiled import lean_kernel
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
-from sonar_explore.slam.agreement import TurnError
+from sonar_explore.slam.discs import TurnError
 from sonar_explore.slam.motion import own_part
 from sonar_explore.slam.residuals import Residuals
 

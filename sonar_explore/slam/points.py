@@ -9,15 +9,14 @@ a degree in bearing, and unlike a wall it stops the robot from sliding either wa
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from sonar_explore.geometry import Array, Pose, wrap_angle
 from sonar_explore.measurement import Scan
-from sonar_explore.slam.agreement import TurnError, agreeing, aside, turn_error
+from sonar_explore.slam.discs import agreeing, aside
 from sonar_explore.slam.features import FeatureConfig
-from sonar_explore.slam.point_matching import MatchingConfig
 from sonar_explore.slam.rcd import region_rows
 
 
@@ -37,11 +36,8 @@ class PointConfig:
     """Two discs put one point no farther apart, [m]."""
     plane_share: float = 0.4
     """Places that move along with the discs by more than this share of what a plane's would are no point's."""
-    noise_rad: float = math.radians(1.2)
-    """Standard deviation of one disc's bearing of a point, [rad]."""
     near_m: float = 0.5
     """A nearer one is left out: the end of a wall, square to it, passes for a point, [m]."""
-    matching: MatchingConfig = field(default_factory=MatchingConfig)
 
 
 @dataclass(frozen=True)
@@ -63,25 +59,24 @@ class Point:
         return pose.x + self.range_m * math.cos(angle), pose.y + self.range_m * math.sin(angle)
 
 
-@dataclass(frozen=True)
-class PointsHeard:
-    """The points of one scan, and what they say of its turn."""
+def points_of(
+    scan: Scan, features: FeatureConfig, config: PointConfig
+) -> tuple[tuple[Point, ...], list[tuple[Array, Array]]]:
+    """The points of one scan; none where only one disc was recorded.
 
-    points: tuple[Point, ...]
-    turn: TurnError | None
-    """None where no point was heard."""
-
-
-def points_of(scan: Scan, features: FeatureConfig, config: PointConfig) -> PointsHeard:
-    """The points of one scan; none where only one disc was recorded."""
+    Returns:
+        The points; and for each of them how far the robot had turned when each disc heard it, and at what bearing, less
+        the mean, [rad].
+    """
+    if not scan.others:
+        return (), []
     heard = np.vstack([_echoes(k, disc, features, config) for k, disc in enumerate((scan, *scan.others))])
     off = np.hypot(*(heard[:, None, 1:3] - heard[None, :, 1:3]).transpose(2, 0, 1))
     apart = np.where(off <= config.together_m, off, np.inf)
     things = agreeing(apart, heard[:, 0].astype(np.int64), heard[:, 3], config.discs_min)
     found = [(_agreed(heard[members], config), heard[members]) for members in things]
     points = tuple(point for point, _ in found if point is not None)
-    swept = [_swept(point, rows) for point, rows in found if point is not None]
-    return PointsHeard(points, turn_error(swept, config.noise_rad))
+    return points, [_swept(point, rows) for point, rows in found if point is not None]
 
 
 def _swept(point: Point, heard: Array) -> tuple[Array, Array]:

@@ -13,15 +13,17 @@ from sonar_explore.amigobot import AmigoBot
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
-from sonar_explore.slam.agreement import Extraction, TurnError, extract
+from sonar_explore.slam.agreement import Extraction, extract
 from sonar_explore.slam.association import Association, associate
 from sonar_explore.slam.base import ScanEntry, ScanUpdate, ScoredAssociation, SlamConfig
 from sonar_explore.slam.chains import ChainMap, Link
+from sonar_explore.slam.discs import TurnError
 from sonar_explore.slam.dual import Merge, merge_dual_associations, surviving
 from sonar_explore.slam.features import Feature, FeatureKind
 from sonar_explore.slam.link_graph import LinkGraphs, fit_link_graphs
 from sonar_explore.slam.localization import Correction, Weights, association_weights, localize
 from sonar_explore.slam.odometry_filter import OdometryFilter
+from sonar_explore.slam.points import Point
 from sonar_explore.slam.probability import RootCertainty, association_probabilities
 from sonar_explore.slam.residuals import Residuals, residuals_to_roots
 from sonar_explore.slam.turning import follows_the_wall
@@ -43,8 +45,8 @@ class ChainSlam:
         self._smear = 0.0
         """The error of the turn of the last scan that its features are already free of."""
         self._turn_heard: TurnError | None = None
-        self._unsmeared: Scan | None = None
-        """The last scan with the headings that the robot had, as far as was known before it."""
+        self._points: tuple[Point, ...] = ()
+        """Of the last scan, as far as the error of its turn was known before it."""
 
     @property
     def scans(self) -> tuple[ScanEntry, ...]:
@@ -82,8 +84,8 @@ class ChainSlam:
         """One scan, through section III in its order."""
         config, index = self.config, len(self._entries)
         self._smear = self._filter.turn_error
-        self._unsmeared = self._filter.unsmeared(scan)
-        extraction = extract(self._unsmeared, config.features, config.agreement)
+        extraction = extract(self._filter.unsmeared(scan), config.features, config.agreement)
+        self._points = extraction.points
         predicted, features = self._turned(self._predicted_at(scan), scan, extraction)
         associations = associate(predicted, features, self.chains, config.association)
         residuals = residuals_to_roots(predicted, features, associations, self.chains, config.reference)

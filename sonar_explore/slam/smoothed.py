@@ -16,7 +16,7 @@ from sonar_explore.slam.base import ScanEntry, ScanUpdate, SlamConfig
 from sonar_explore.slam.dual import surviving
 from sonar_explore.slam.motion import MotionSum, RandomWalk
 from sonar_explore.slam.point_matching import matched
-from sonar_explore.slam.points import Point, points_of
+from sonar_explore.slam.points import Point
 from sonar_explore.slam.residuals import Residuals
 from sonar_explore.slam.slam import ChainSlam, turn_of
 from sonar_explore.slam.smoothing import Sighting, Smoother
@@ -48,14 +48,9 @@ class SmoothedSlam(ChainSlam):
         """Section III first, then everything again."""
         known = self._filter.turn_error
         update = super().update(scan)
-        assert self._unsmeared is not None
-        found = points_of(self._unsmeared, self.config.features, self.config.points)
-        points = found.points
-        met = self._met_again(points, update.pose, self._smear - known)
-        turns = [
-            replace(turn, relative=turn.relative + known) for turn in (self._turn_heard, found.turn) if turn
-        ]
-        self._smoother.add_scan(update.pose, self._motion.total if update.index else None, turns)
+        met = self._met_again(self._points, update.pose, self._smear - known)
+        heard = self._turn_heard and replace(self._turn_heard, relative=self._turn_heard.relative + known)
+        self._smoother.add_scan(update.pose, self._motion.total if update.index else None, heard)
         self._motion.clear(turn_of(scan))
         for merge in update.merges:
             self._smoother.merge(merge.survivor, merge.absorbed)
@@ -71,7 +66,7 @@ class SmoothedSlam(ChainSlam):
                     discs=feature.discs,
                 )
             )
-        for point, number in zip(points, met, strict=True):
+        for point, number in zip(self._points, met, strict=True):
             self._smoother.add_point(
                 Sighting(
                     scan=update.index,
@@ -104,7 +99,7 @@ class SmoothedSlam(ChainSlam):
         if not len(numbers) or not points:
             return out
         here = np.array([p.seen_from(pose, turn_error) for p in points])
-        config = self.config.points.matching
+        config = self.config.matching
         near = (np.hypot(*(places[:, None] - here[None]).transpose(2, 0, 1)) <= config.reach_m).any(axis=1)
         numbers, places = numbers[near], places[near]
         if not len(numbers):

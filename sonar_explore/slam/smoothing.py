@@ -16,7 +16,6 @@ Gauss-Newton with a robust loss (Huber, then Cauchy), so that a false merge bend
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import SuperLU, splu
 
 from sonar_explore.geometry import Array, Pose
-from sonar_explore.slam.agreement import TurnError
+from sonar_explore.slam.discs import TurnError
 from sonar_explore.slam.jacobian import (
     Heard,
     Robust,
@@ -120,14 +119,15 @@ class Smoother:
         self._solved: tuple[SuperLU, Unknowns, dict[int, int]] | None = None
         """The factors of the last solution, the unknowns then, and which line is whose chain's."""
 
-    def add_scan(self, pose: Pose, motion: Motion | None, turns: Sequence[TurnError] = ()) -> None:
+    def add_scan(self, pose: Pose, motion: Motion | None, turn: TurnError | None = None) -> None:
         """A new scan, first guessed here.
 
         Args:
             motion: from the scan before, None for the first.
-            turns: what the discs say of the error of its turn, by walls and by points.
+            turn: what the discs say of the error of its turn.
         """
-        self._turns += [(len(self.poses), turn.relative, turn.sigma) for turn in turns]
+        if turn is not None:
+            self._turns.append((len(self.poses), turn.relative, turn.sigma))
         self.poses = np.vstack([self.poses, [pose.x, pose.y, pose.heading]])
         self.own = np.append(self.own, 0.0)
         if motion is not None:

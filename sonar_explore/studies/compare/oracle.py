@@ -25,7 +25,7 @@ from sonar_explore.measurement import Scan
 from sonar_explore.slam.agreement import AgreementConfig, Extraction, extract
 from sonar_explore.slam.features import Feature, FeatureConfig, FeatureKind
 from sonar_explore.slam.motion import Motion, MotionSum, RandomWalk
-from sonar_explore.slam.points import PointConfig, PointsHeard, points_of
+from sonar_explore.slam.points import Point
 from sonar_explore.slam.slam import turn_of
 from sonar_explore.slam.smoothing import Sighting, Smoother, SmoothingConfig
 from sonar_explore.studies.compare.drives import Drive
@@ -42,13 +42,11 @@ class OracleConfig:
     """When a feature is of a wall, and how sure a feature is."""
 
     distance_m: float = 0.05
-    """Between the foot of its normal and the wall's line, seen from the true pose, [m]."""
+    """Between the foot of its normal and the wall's line, or a point and a wall's end, seen from the true pose, [m]."""
     angle_rad: float = math.radians(6.0)
     """Between its normal and the wall's, [rad]."""
     beyond_m: float = 0.05
     """How far the foot may lie beyond the wall's end, [m]."""
-    points: PointConfig = field(default_factory=PointConfig)
-    """Which points are heard; each is of the end of a straight wall within `distance_m`, if there is one."""
     smoothing: SmoothingConfig = field(
         default_factory=lambda: SmoothingConfig(bearing_rad=math.radians(1.1), range_m=0.004)
     )
@@ -86,10 +84,11 @@ def oracle(
             true_walls(pose, found.features, ratio / (1.0 + turn_error) - 1.0, walls, config)
             for pose, ratio, found in zip(drive.true_poses, drive.turn_ratios, seen, strict=True)
         ]
-        heard = [
-            _points(i, drive, turn_error, walls.reshape(-1, 2), features, config) for i in range(len(seen))
+        ends = [
+            true_ends(pose, found.points, ratio / (1.0 + turn_error) - 1.0, walls, config)
+            for pose, ratio, found in zip(drive.true_poses, drive.turn_ratios, seen, strict=True)
         ]
-        smoother = _solved(drive, motions, seen, owners, heard, turn_error, noise, config)
+        smoother = _solved(drive, motions, seen, owners, ends, turn_error, noise, config)
         turn_error = float(smoother.constants[0])
     poses = tuple(Pose(*map(float, row)) for row in smoother.poses)
     return OracleResult(poses, tuple(owners), tuple(found.features for found in seen), lines_of(walls))
@@ -162,19 +161,17 @@ def _true_wall(
     return int(np.argmin(np.where(fits, off, np.inf))) if fits.any() else None
 
 
-def _points(
-    index: int, drive: Drive, turn_error: float, ends: Array, features: FeatureConfig, config: OracleConfig
-) -> tuple[PointsHeard, list[Sighting]]:
-    """Points of a scan, and those that are ends of straight walls, shape (n, 2), [m], seen from its true pose."""
-    smear = drive.turn_ratios[index] / (1.0 + turn_error) - 1.0
-    heard, ends_heard = points_of(_unsmeared(drive.scans[index], turn_error), features, config.points), []
-    for point in heard.points:
-        off = np.hypot(*(ends - point.seen_from(drive.true_poses[index], smear)).T)
-        if off.min() <= config.distance_m:
-            bearing = point.bearing_rad - point.sweep_rad * turn_error
-            end = int(np.argmin(off))
-            ends_heard.append(Sighting(index, end, bearing, point.sweep_rad, point.range_m, point.discs))
-    return heard, ends_heard
+def true_ends(
+    true_pose: Pose, points: Sequence[Point], smear: float, walls: Array, config: OracleConfig
+) -> tuple[int | None, ...]:
+    """Which end of which wall each point is, counted two a wall, seen from the true pose; None where it is none.
+
+    Args:
+        smear: true over assumed turn of the scan, less one.
+    """
+    ends = walls.reshape(-1, 2)
+    off = [np.hypot(*(ends - point.seen_from(true_pose, smear)).T) for point in points]
+    return tuple(int(np.argmin(d)) if d.min() <= config.distance_m else None for d in off)
 
 
 def _unsmeared(scan: Scan, turn_error: float) -> Scan:
@@ -209,7 +206,7 @@ def _solved(
     motions: Sequence[Motion],
     seen: Sequence[Extraction],
     walls: Sequence[Sequence[int | None]],
-    heard: Sequence[tuple[PointsHeard, Sequence[Sighting]]],
+    ends: Sequence[Sequence[int | None]],
     turn_error: float,
     noise: OdometryNoise,
     config: OracleConfig,
@@ -219,24 +216,27 @@ def _solved(
     smoothing = replace(config.smoothing, turn_rad=max(noise.turn_sigma_rad, _LEAST))
     out = Smoother(drive.world.start, smoothing, wheels)
     for i, pose in enumerate(drive.true_poses):
-        found, points = heard[i]
-        turns = [
-            replace(turn, relative=turn.relative + turn_error) for turn in (seen[i].turn, found.turn) if turn
-        ]
-        out.add_scan(pose, motions[i - 1] if i else None, turns)
+        turn = seen[i].turn
+        turn = turn and replace(turn, relative=turn.relative + turn_error)
+        out.add_scan(pose, motions[i - 1] if i else None, turn)
         for feature, wall in zip(seen[i].features, walls[i], strict=True):
-            if wall is None:
-                continue
-            bearing = feature.bearing_rad - feature.sweep_rad * turn_error
-            out.add_sighting(Sighting(i, wall, bearing, feature.sweep_rad, feature.range_m, feature.discs))
-        for point in points:
-            out.add_point(point)
+            if wall is not None:
+                out.add_sighting(_sighting(i, feature, wall, turn_error))
+        for point, end in zip(seen[i].points, ends[i], strict=True):
+            if end is not None:
+                out.add_point(_sighting(i, point, end, turn_error))
     for _ in range(MOST_ROUNDS):
         before = out.poses
         out.solve()
         if np.abs(out.poses - before).max() < STILL:
             break
     return out
+
+
+def _sighting(scan: int, seen: Feature | Point, what: int, turn_error: float) -> Sighting:
+    """As the odometry has it."""
+    bearing = seen.bearing_rad - seen.sweep_rad * turn_error
+    return Sighting(scan, what, bearing, seen.sweep_rad, seen.range_m, seen.discs)
 
 
 def _bend(noise: OdometryNoise) -> float:
