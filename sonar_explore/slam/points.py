@@ -10,14 +10,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
+from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array, Pose, wrap_angle
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.discs import agreeing, aside
 from sonar_explore.slam.features import FeatureConfig
-from sonar_explore.slam.rcd import region_rows
+from sonar_explore.slam.rcd import TIE_DECIMALS, check_scan, regions
 
 
 @dataclass(frozen=True)
@@ -91,30 +93,58 @@ def _echoes(number: int, scan: Scan, features: FeatureConfig, config: PointConfi
     The number of the disc; x y of what it heard in the middle of each region [m]; how far the robot had turned by then
     [rad]; and how far the axis of the disc passes from the turning axis [m].
     """
-    rows, runs = region_rows(scan, features.tolerance_m)
-    clockwise = bool(scan.bearings_rad[-1] < scan.bearings_rad[0])
-    n, turned, ranges = len(scan.ranges_m), scan.headings_rad, scan.ranges_m
-    if clockwise:
-        turned, ranges = turned[::-1], ranges[::-1]
-    first, end = runs[:, 0], runs.sum(axis=1)
-    width, echo = rows[:, 1] - rows[:, 0], rows[:, 3]
-    beside = np.minimum(ranges[(first - 1) % n], ranges[end % n])
-    good = (width >= config.width_min_rad) & (width <= config.width_max_rad)
-    good &= (echo >= features.range_min_m) & (echo <= features.range_max_m)
-    good &= beside >= echo + config.in_front_m
-    rows, first, end, echo = rows[good], first[good], end[good], echo[good]
-    mount = scan.pose_sonar_in_robot
-    beam = 0.5 * (rows[:, 0] + rows[:, 1])
-    c, s = np.cos(beam - mount.heading), np.sin(beam - mount.heading)
-    return np.column_stack(
+    check_scan(scan)
+    mount, limits = scan.pose_sonar_in_robot, _limits(features, config)
+    disc = np.array([mount.x, mount.y, mount.heading, aside(mount), number])
+    headings, ranges = np.asarray(scan.headings_rad, dtype=float), np.asarray(scan.ranges_m, dtype=float)
+    out = np.empty((len(ranges), 5))
+    return out[
+        : _in_front(scan.bearings_rad, headings, ranges, *scan.levers, scan.range_max_m, disc, limits, out)
+    ]
+
+
+@lru_cache(maxsize=4)
+def _limits(features: FeatureConfig, config: PointConfig) -> Array:
+    """What counts as a point, as the kernel takes it."""
+    return np.array(
         [
-            np.full(len(beam), float(number)),
-            c * mount.x - s * mount.y + echo * np.cos(beam),
-            s * mount.x + c * mount.y + echo * np.sin(beam),
-            0.5 * (turned[first % n] + turned[(end - 1) % n]),
-            np.full(len(beam), aside(mount)),
+            features.tolerance_m,
+            10.0**TIE_DECIMALS,
+            features.range_min_m,
+            features.range_max_m,
+            config.width_min_rad,
+            config.width_max_rad,
+            config.in_front_m,
         ]
     )
+
+
+@kernel
+def _in_front(bearings, headings, ranges, lever_m, lever_rad, range_max, disc, limits, out):  # type: ignore[no-untyped-def]
+    """Rows of `_echoes` into `out`: how many."""
+    n, clockwise = len(ranges), bearings[-1] < bearings[0]
+    rows, runs = np.empty((n, 4)), np.empty((n, 2), dtype=np.int64)
+    count = regions(bearings, ranges, lever_m, lever_rad, range_max, limits[0], limits[1], rows, runs)
+    found = 0
+    for k in range(count):
+        width, echo = rows[k, 1] - rows[k, 0], rows[k, 3]
+        if not (limits[4] <= width <= limits[5] and limits[2] <= echo <= limits[3]):
+            continue
+        first, last = runs[k, 0] % n, (runs[k, 0] + runs[k, 1] - 1) % n
+        before, after = (first - 1) % n, (last + 1) % n
+        if clockwise:
+            first, last, before, after = n - 1 - first, n - 1 - last, n - 1 - before, n - 1 - after
+        if min(ranges[before], ranges[after]) < echo + limits[6]:
+            continue
+        beam = 0.5 * (rows[k, 0] + rows[k, 1])
+        c, s = math.cos(beam - disc[2]), math.sin(beam - disc[2])
+        out[found, 0] = disc[4]
+        out[found, 1] = c * disc[0] - s * disc[1] + echo * math.cos(beam)
+        out[found, 2] = s * disc[0] + c * disc[1] + echo * math.sin(beam)
+        out[found, 3] = 0.5 * (headings[first] + headings[last])
+        out[found, 4] = disc[3]
+        found += 1
+    return found
 
 
 def _agreed(heard: Array, config: PointConfig) -> Point | None:

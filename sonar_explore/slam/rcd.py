@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
 from sonar_explore.errors import SonarExploreError
@@ -88,24 +87,6 @@ def regions_of_constant_depth(scan: Scan, tolerance_m: float) -> tuple[Rcd, ...]
     Measuring against the median, not from reading to reading, keeps a slow drift from chaining on for ever,
     and longest-first does not care where the scan began or which way it turned.
     """
-    rows, runs = region_rows(scan, tolerance_m)
-    n = len(scan.headings_rad)
-    clockwise = bool(scan.bearings_rad[-1] < scan.bearings_rad[0])
-    order = list(range(n - 1, -1, -1) if clockwise else range(n)) * 2
-    found = [
-        Rcd(tuple(order[start : start + length]), *row)
-        for row, (start, length) in zip(rows.tolist(), runs.tolist(), strict=True)
-    ]
-    return tuple(sorted(found, key=lambda region: math.remainder(region.bearing_rad, math.tau)))
-
-
-def region_rows(scan: Scan, tolerance_m: float) -> tuple[Array, NDArray[np.int64]]:
-    """The same as numbers, the longest first, for those who look at all of them at once.
-
-    Returns:
-        First and last bearing [rad], depth and echo [m] of each region, shape (k, 4); and the first of its readings,
-        counted counter-clockwise from the scan's rightmost, and how many they are, shape (k, 2).
-    """
     check_scan(scan)
     n = len(scan.headings_rad)
     rows, runs = np.empty((n, 4)), np.empty((n, 2), dtype=np.int64)
@@ -119,7 +100,13 @@ def region_rows(scan: Scan, tolerance_m: float) -> tuple[Array, NDArray[np.int64
         rows,
         runs,
     )
-    return rows[:count], runs[:count]
+    clockwise = bool(scan.bearings_rad[-1] < scan.bearings_rad[0])
+    order = list(range(n - 1, -1, -1) if clockwise else range(n)) * 2
+    found = [
+        Rcd(tuple(order[start : start + length]), *row)
+        for row, (start, length) in zip(rows[:count].tolist(), runs[:count].tolist(), strict=True)
+    ]
+    return tuple(sorted(found, key=lambda region: math.remainder(region.bearing_rad, math.tau)))
 
 
 @lean_kernel

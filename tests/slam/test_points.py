@@ -15,8 +15,10 @@ from sonar_explore.envs.world import World
 from sonar_explore.geometry import Pose
 from sonar_explore.slam import SlamConfig
 from sonar_explore.slam.discs import turn_error
+from sonar_explore.slam.ends import neighbours
 from sonar_explore.slam.point_matching import MatchingConfig, matched
-from sonar_explore.slam.points import PointConfig, points_of
+from sonar_explore.slam.points import PointConfig, _echoes, points_of
+from sonar_explore.slam.rcd import regions_of_constant_depth
 
 FEATURES, CONFIG, MATCHING = SlamConfig.robust().features, PointConfig(), MatchingConfig()
 DOOR = [[0, 0, 5, 0], [5, 0, 5, 4], [5, 4, 0, 4], [0, 4, 0, 0], [0, 2, 1.9, 2], [3.1, 2, 5, 2]]
@@ -77,6 +79,34 @@ def test_points_tell_by_how_much_the_robot_turned_more_than_it_counted(direction
         assert turn is not None
         off.append((turn.relative - 0.006) / turn.sigma)
     assert abs(np.mean(off)) < 1.0 and np.abs(off).max() < 3.5
+
+
+def plain_echoes(scan):
+    """Places x y, and how far the robot had turned, of what one disc heard in front of all beside it."""
+    mount, n = scan.pose_sonar_in_robot, len(scan.ranges_m)
+    for region in regions_of_constant_depth(scan, FEATURES.tolerance_m):
+        beside = min(scan.ranges_m[i] for i in neighbours(region.readings, n))
+        in_reach = FEATURES.range_min_m <= region.echo_m <= FEATURES.range_max_m
+        fits = CONFIG.width_min_rad <= region.width_rad <= CONFIG.width_max_rad
+        if in_reach and fits and beside >= region.echo_m + CONFIG.in_front_m:
+            disc = Pose(0.0, 0.0, region.bearing_rad - mount.heading) @ mount
+            place = disc.transform(np.array([[region.echo_m, 0.0]]))[0]
+            yield (*place, 0.5 * sum(scan.headings_rad[region.readings[k]] for k in (0, -1)))
+
+
+@settings(max_examples=10, deadline=None)
+@given(seeds, st.sampled_from([-1, 1]))
+def test_the_kernel_finds_the_echoes_that_the_plain_form_finds(seed, direction):
+    x, y, heading = np.random.default_rng(seed).uniform((0.4, 0.4, -3.0), (4.6, 1.6, 3.0))
+    _, scan = scan_at(x, y, heading, seed=seed, direction=direction)
+    for number, disc in enumerate((scan, *scan.others)):
+        found, expected = (
+            _echoes(number, disc, FEATURES, CONFIG),
+            np.array(list(plain_echoes(disc))).reshape(-1, 3),
+        )
+        assert (found[:, 0] == number).all()
+        order = np.lexsort(found[:, 1:4].T.round(6)), np.lexsort(expected.T.round(6))
+        np.testing.assert_allclose(found[order[0], 1:4], expected[order[1]], atol=1e-9)
 
 
 def stretched(scan, factor):
