@@ -54,29 +54,10 @@ class SmoothedSlam(ChainSlam):
         self._motion.clear(turn_of(scan))
         for merge in update.merges:
             self._smoother.merge(merge.survivor, merge.absorbed)
-        for feature_index, chain in self._seen(update):
-            feature = update.features[feature_index]
-            self._smoother.add_sighting(
-                Sighting(
-                    scan=update.index,
-                    what=chain,
-                    bearing_rad=feature.bearing_rad - feature.sweep_rad * self._smear,
-                    sweep_rad=feature.sweep_rad,
-                    range_m=feature.range_m,
-                    discs=feature.discs,
-                )
-            )
+        for i, chain in self._seen(update):
+            self._smoother.add_sighting(Sighting.of(update.index, chain, update.features[i], self._smear))
         for point, number in zip(self._points, met, strict=True):
-            self._smoother.add_point(
-                Sighting(
-                    scan=update.index,
-                    what=number,
-                    bearing_rad=point.bearing_rad - point.sweep_rad * known,
-                    sweep_rad=point.sweep_rad,
-                    range_m=point.range_m,
-                    discs=point.discs,
-                )
-            )
+            self._smoother.add_point(Sighting.of(update.index, number, point, known))
         self._smoother.solve()
         self._move_everything()
         return replace(update, pose=self.pose)

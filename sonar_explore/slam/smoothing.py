@@ -24,6 +24,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.slam.discs import TurnError
+from sonar_explore.slam.features import Feature
 from sonar_explore.slam.jacobian import (
     Heard,
     Robust,
@@ -36,6 +37,7 @@ from sonar_explore.slam.jacobian import (
 )
 from sonar_explore.slam.motion import Motion
 from sonar_explore.slam.normal_equations import normal_equations
+from sonar_explore.slam.points import Point
 
 HUBER, CAUCHY = 1.5, 2.0  # sigmas
 
@@ -81,6 +83,12 @@ class Sighting:
     """[m]"""
     discs: int = 1
     """How many discs heard it."""
+
+    @classmethod
+    def of(cls, scan: int, what: int, heard: Feature | Point, turn_error: float) -> Sighting:
+        """As the odometry has it; the bearing that was heard is already free of this relative error of the turn."""
+        bearing = heard.bearing_rad - heard.sweep_rad * turn_error
+        return cls(scan, what, bearing, heard.sweep_rad, heard.range_m, heard.discs)
 
     def as_row(self) -> tuple[float, ...]:
         """The same as numbers, in this order."""

@@ -221,22 +221,16 @@ def _solved(
         out.add_scan(pose, motions[i - 1] if i else None, turn)
         for feature, wall in zip(seen[i].features, walls[i], strict=True):
             if wall is not None:
-                out.add_sighting(_sighting(i, feature, wall, turn_error))
+                out.add_sighting(Sighting.of(i, wall, feature, turn_error))
         for point, end in zip(seen[i].points, ends[i], strict=True):
             if end is not None:
-                out.add_point(_sighting(i, point, end, turn_error))
+                out.add_point(Sighting.of(i, end, point, turn_error))
     for _ in range(MOST_ROUNDS):
         before = out.poses
         out.solve()
         if np.abs(out.poses - before).max() < STILL:
             break
     return out
-
-
-def _sighting(scan: int, seen: Feature | Point, what: int, turn_error: float) -> Sighting:
-    """As the odometry has it."""
-    bearing = seen.bearing_rad - seen.sweep_rad * turn_error
-    return Sighting(scan, what, bearing, seen.sweep_rad, seen.range_m, seen.discs)
 
 
 def _bend(noise: OdometryNoise) -> float:
