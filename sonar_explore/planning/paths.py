@@ -37,7 +37,8 @@ class PlanningConfig:
     leg_m: float = 1.5
     """A longer way is driven in legs of about this length, with a scan after each, [m]."""
     close_loops: bool = True
-    """When nothing is left to explore, drive the last stretch of loops that were seen all round."""
+    """When nothing is left to explore, drive the last stretch of loops that were seen all round, and back to the first
+    scan where none of its walls was met again."""
     unknown_credit_m: float = 0.08
     """When nothing else is left, the unknown may come nearer than a wall by this, [m]."""
     daring_margin_m: float = -0.02
