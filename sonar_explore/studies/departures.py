@@ -139,9 +139,9 @@ DEPARTURES: tuple[Departure, ...] = (
         "planning.close_loops",
         False,
         "IV",
-        "When nothing is left to explore, the last stretch of a loop that was seen from both its ends is driven too, and "
-        "a robot that went round without meeting a wall of its first scan again goes there; the paper's robot completes "
-        "its loops, and says nothing of how it knows of them.",
+        "When nothing is left to explore, the last stretch of a loop that was seen from both its ends is driven too, "
+        "and a robot that went round without meeting a wall of its first scan again goes there; the paper's robot "
+        "completes its loops, and says nothing of how it knows of them.",
         in_literal=True,
     ),
     Departure(
