@@ -97,7 +97,7 @@ def save_failure(run: Run, record: EpisodeRecord, path: Path) -> None:
         )
     for part in run.parts[:_SHOWN_PARTS]:
         axes.annotate(f"{part.area_m2:.1f} m²", (part.x, part.y), ha="center", fontsize=8, zorder=6)
-    axes.set_title(f"{run.building}: {', '.join(run.misses)}", fontsize=9)
+    figure.suptitle(f"{run.building}: {', '.join(run.misses)}", fontsize=9)
     axes.tick_params(labelsize=7)
     handles, _ = axes.get_legend_handles_labels()
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=7, frameon=False)
