@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,6 +10,7 @@ from sonar_explore.envs.room import LEAST_BLOCK_M2
 from sonar_explore.episodes.record import StepRecord
 from sonar_explore.episodes.scoring import Scorer
 from sonar_explore.mapping.regions import enclosed_blocks
+from sonar_explore.planning.loops import went_round
 
 
 def loop_closed(scorer: Scorer, steps: Sequence[StepRecord]) -> bool:
@@ -29,18 +29,7 @@ def loop_closed(scorer: Scorer, steps: Sequence[StepRecord]) -> bool:
 
 def _driven_round(scorer: Scorer, steps: Sequence[StepRecord]) -> int:
     """Index of the first step at which a block has been driven round; len(steps) if never."""
-    x, y, index = _true_path(steps)
-    ends = [len(steps)]
-    for cx, cy in enclosed_blocks(scorer.reachable, scorer.origin, scorer.resolution_m, LEAST_BLOCK_M2):
-        angle = np.unwrap(np.arctan2(y - cy, x - cx))
-        turned = np.maximum.accumulate(angle) - np.minimum.accumulate(angle)
-        around = np.flatnonzero(turned >= math.tau)
-        if len(around):
-            ends.append(int(index[around[0]]))
-    return min(ends)
-
-
-def _true_path(steps: Sequence[StepRecord]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    rows = [(*p[:2], s.index) for s in steps for p in [*s.true_trail, s.true_pose]]
-    x, y, index = np.array(rows).T
-    return x, y, index.astype(int)
+    way = [(*pose[:2], step.index) for step in steps for pose in [*step.true_trail, step.true_pose]]
+    blocks = enclosed_blocks(scorer.reachable, scorer.origin, scorer.resolution_m, LEAST_BLOCK_M2)
+    round_at = went_round(np.array(way)[:, :2], blocks)
+    return len(steps) if round_at is None else way[round_at][2]

@@ -7,6 +7,7 @@ its own beginning. Driving that stretch lets the chains of the first scans be me
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,8 +58,8 @@ def open_loops(trail: Array, scans: NDArray[np.intp], grid: OccupancyGrid) -> tu
         scans: indices into the trail of the scan positions, shape (k,).
         grid: the map.
     """
-    found, frame = [], grid.frame
-    for x, y in enclosed_blocks(grid.free, (frame.x0, frame.y0), frame.resolution_m, LEAST_BLOCK_M2):
+    found = []
+    for x, y in blocks_of(grid):
         bearing = _bearings(trail, x, y)
         first, last = float(bearing.min()), float(bearing.max())
         if not LEAST_SHARE * math.tau <= last - first < math.tau + OVERLAP_RAD:
@@ -72,19 +73,25 @@ def open_loops(trail: Array, scans: NDArray[np.intp], grid: OccupancyGrid) -> tu
     return tuple(found)
 
 
-def went_round(trail: Array, grid: OccupancyGrid) -> int | None:
-    """Index of the first point of the trail at which the way had gone all round a block; None if it never has.
+def went_round(way: Array, blocks: Sequence[tuple[float, float]]) -> int | None:
+    """Index of the first point of a way at which it had gone all round a block; None if it never has.
 
     Args:
-        trail: where the body has been, in order, shape (n, 2), map frame, [m].
-        grid: the map.
+        way: in order, shape (n, 2), [m].
+        blocks: a point within each, x y, [m].
     """
-    found, frame = [], grid.frame
-    for x, y in enclosed_blocks(grid.free, (frame.x0, frame.y0), frame.resolution_m, LEAST_BLOCK_M2):
-        bearing = _bearings(trail, x, y)
+    found = []
+    for x, y in blocks:
+        bearing = _bearings(way, x, y)
         turned = np.maximum.accumulate(bearing) - np.minimum.accumulate(bearing)
         found.extend(np.flatnonzero(turned >= math.tau)[:1].tolist())
     return min(found, default=None)
+
+
+def blocks_of(grid: OccupancyGrid) -> list[tuple[float, float]]:
+    """Middles x y of what free space surrounds and a loop could lead round, [m]."""
+    origin = grid.frame.x0, grid.frame.y0
+    return enclosed_blocks(grid.free, origin, grid.frame.resolution_m, LEAST_BLOCK_M2)
 
 
 def _bearings(points: Array, x: float, y: float) -> Array:

@@ -12,7 +12,7 @@ from sonar_explore.config import ExplorationConfig
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.planning.candidates import Candidate, CandidateFinder
 from sonar_explore.planning.driving import DriveEnd
-from sonar_explore.planning.loops import open_loops, went_round
+from sonar_explore.planning.loops import blocks_of, open_loops, went_round
 from sonar_explore.planning.paths import path_length
 from sonar_explore.planning.surroundings import Surroundings
 from sonar_explore.slam import Slam
@@ -174,7 +174,8 @@ class Offers:
 
     def _home(self, pose: Pose, trail: Array, scans: NDArray[np.intp]) -> tuple[Candidate, ...]:
         """The first scan position, where the way went round a block and met no wall of the first scan since."""
-        if not len(trail) or (round_at := went_round(trail, self._surroundings.grid)) is None:
+        round_at = went_round(trail, blocks_of(self._surroundings.grid))
+        if round_at is None:
             return ()
         since = int(np.searchsorted(scans, round_at))
         for chain in self._slam.chains.chains:

@@ -21,7 +21,7 @@ class TurnError:
     relative: float
     """True turn over counted turn, less one."""
     sigma: float
-    """Its standard deviation."""
+    """Its standard deviation, relative as well."""
 
 
 def turn_error(heard: Sequence[tuple[Array, Array]], noise_rad: float) -> TurnError | None:

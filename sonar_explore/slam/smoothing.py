@@ -187,12 +187,12 @@ class Smoother:
         seen.what[:] = np.searchsorted(chains, seen.what)
         met = self._heard_of(self._met, np.full(len(self._met), self._config.point_bearing_rad))
         if self._far_off:
-            at = self._converged(at, seen, met, _huber, self._config.iterations // 2)
-        at = self._converged(at, seen, met, _cauchy, self._config.iterations)
+            at, _ = self._converged(at, seen, met, _huber, self._config.iterations // 2)
+        at, factor = self._converged(at, seen, met, _cauchy, self._config.iterations)
         self._far_off = False
         self.poses, self.own, self._points, self.constants = at.poses, at.own, at.points, at.constants
         self._lines = dict(zip(chains, at.lines, strict=True))
-        self._solved = self._factor, at, {chain: k for k, chain in enumerate(chains)}
+        self._solved = factor, at, {chain: k for k, chain in enumerate(chains)}
 
     def covariance(self, chain: int, at: Pose, normal: Array) -> Array:
         """How unsure the robot is of a chain's line: of its heading and of its place along the normal, shape (2, 2).
@@ -220,10 +220,10 @@ class Smoother:
         return np.asarray(ask.T @ factor.solve(ask))
 
     def spread(self, numbers: NDArray[np.intp], at: Array) -> Array:
-        """How unsure these points are, seen from the last scan: covariance of x y, shape (n, 2, 2), [m2].
+        """How unsure these points are, seen from the last scan: covariance of x y, shape (n, 2, 2), map frame, [m2].
 
         Args:
-            numbers: of the points, shape (n,).
+            numbers: of the points, all of them known when it was last solved, shape (n,).
             at: where they are, shape (n, 2), map frame, [m].
         """
         if self._solved is None:
@@ -233,7 +233,7 @@ class Smoother:
         ask = np.zeros((then.size, len(numbers), 2))
         self._move_with(ask, np.full(len(k), last), k, at, -1.0)
         row = np.array([self._row_of_point.get(number, -1) for number in numbers.tolist()])
-        own = np.flatnonzero((row >= 0) & (row < len(then.points)))
+        own = np.flatnonzero(row >= 0)
         ask[then.first_point + 2 * row[own], own, 0] = 1.0
         ask[then.first_point + 2 * row[own] + 1, own, 1] = 1.0
         once = np.flatnonzero(row < 0)
@@ -252,17 +252,19 @@ class Smoother:
         ask[3 * scan + 2, column, 0] -= sign * away[:, 1]
         ask[3 * scan + 2, column, 1] += sign * away[:, 0]
 
-    def _converged(self, at: Unknowns, seen: Heard, met: Heard, robust: Robust, steps: int) -> Unknowns:
-        """Gauss-Newton until the poses stand still."""
+    def _converged(
+        self, at: Unknowns, seen: Heard, met: Heard, robust: Robust, steps: int
+    ) -> tuple[Unknowns, SuperLU]:
+        """Gauss-Newton until the poses stand still; the factors are of the last step."""
         n, still = len(at.poses), (self._config.still_m, self._config.still_m, self._config.still_rad)
         for _ in range(steps):
-            step = self._step(at, seen, met, robust)
+            step, factor = self._step(at, seen, met, robust)
             at = at.moved(step)
             if (np.abs(step[: 3 * n].reshape(n, 3)) <= still).all():
                 break
-        return at
+        return at, factor
 
-    def _step(self, at: Unknowns, seen: Heard, met: Heard, robust: Robust) -> Array:
+    def _step(self, at: Unknowns, seen: Heard, met: Heard, robust: Robust) -> tuple[Array, SuperLU]:
         config = self._config
         scans, turns, sigmas = np.array(self._turns).reshape(-1, 3).T
         blocks = [
@@ -283,10 +285,10 @@ class Smoother:
             np.concatenate([b.residual for b in blocks]),
             at.size,
         )
-        self._factor = splu(  # symmetric and positive: no pivots, an order that keeps it sparse
+        factor = splu(  # symmetric and positive: no pivots, an order that keeps it sparse
             normal, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
         )
-        return np.asarray(self._factor.solve(-slope))
+        return np.asarray(factor.solve(-slope)), factor
 
     def _stacked_motions(self) -> tuple[Array, ...]:
         if len(self._stacked) != 4 or len(self._stacked[0]) != len(self._motions):

@@ -19,16 +19,14 @@ from sonar_explore.mapping.occupancy import (
     Look,
     MappingConfig,
     OccupancyMapper,
-    bridges,
     look_of,
-    pivot_points,
-    shortened,
-    trimmed,
 )
+from sonar_explore.mapping.walls import bridges, pivot_points, shortened, trimmed
 from sonar_explore.slam import FeatureKind, SlamConfig
 from sonar_explore.slam.features import extract_features
 
 CONFIG = MappingConfig()
+PIVOT = CONFIG.pivot_m, CONFIG.pivot_turn_rad
 NONE = np.zeros((0, 4))
 ROBUST = SlamConfig.robust().features
 WIDTH, HEIGHT = 2.6, 2.2
@@ -179,8 +177,8 @@ def test_a_foot_met_again_under_a_turned_normal_is_no_wall(seed, count):
     rng = np.random.default_rng(seed)
     angles = rng.uniform(-3, 3) + math.radians(20.0) * np.arange(count)
     walls = np.array([segment(0.0, 0.0, a) + np.tile(rng.uniform(-0.02, 0.02, 2), 2) for a in angles])
-    assert pivot_points(walls, np.arange(count), CONFIG).all()
-    assert not pivot_points(walls, np.zeros(count, dtype=np.int64), CONFIG).any()
+    assert pivot_points(walls, np.arange(count), *PIVOT).all()
+    assert not pivot_points(walls, np.zeros(count, dtype=np.int64), *PIVOT).any()
 
 
 @settings(deadline=None)
@@ -191,7 +189,7 @@ def test_a_plane_met_by_many_scans_stays_a_wall(seed, count):
     at = rng.uniform(-2, 2, count)
     noisy = angle + rng.uniform(-1, 1, count) * math.radians(7.0)
     walls = [segment(t * math.cos(angle), t * math.sin(angle), a) for t, a in zip(at, noisy, strict=True)]
-    assert not pivot_points(np.array(walls), np.arange(count), CONFIG).any()
+    assert not pivot_points(np.array(walls), np.arange(count), *PIVOT).any()
 
 
 def segment(x, y, angle, half=0.3):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sonar_explore.mapping.grid import FREE, GridFrame
-from sonar_explore.planning.loops import OVERLAP_RAD, open_loops, went_round
+from sonar_explore.planning.loops import OVERLAP_RAD, blocks_of, open_loops, went_round
 
 SIDE, MIDDLE = 8.0, (4.0, 4.0)
 
@@ -67,11 +67,11 @@ def test_a_pillar_is_no_loop_and_a_loop_hardly_begun_is_left_alone():
 
 
 def test_a_way_has_gone_round_from_where_it_crosses_its_own_beginning_and_not_before():
-    assert went_round(way(0, 358)[0], hall(3.0)) is None
+    assert went_round(way(0, 358)[0], [MIDDLE]) is None
     trail, _ = way(20, 420)
-    at = went_round(trail, hall(3.0))
+    at = went_round(trail, blocks_of(hall(3.0)))
     assert at is not None
     assert math.degrees(math.atan2(*(trail[at] - MIDDLE)[::-1])) == pytest.approx(20, abs=2.5)
-    assert went_round(trail, hall(0.9)) is None
+    assert went_round(trail, blocks_of(hall(0.9))) is None
     there_and_back = np.vstack([trail[:100], trail[:100][::-1], trail[:100]])
-    assert went_round(there_and_back, hall(3.0)) is None
+    assert went_round(there_and_back, [MIDDLE]) is None

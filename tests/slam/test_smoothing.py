@@ -60,6 +60,11 @@ def smoother(poses, motions, rng, off=(0.0, 0.0, 0.0), chain_of=lambda scan, wal
     return out
 
 
+def noisy(motion, rng):
+    """As odometry may measure it."""
+    return replace(motion, change=motion.change + rng.multivariate_normal(np.zeros(3), motion.covariance))
+
+
 def off_by(out, poses):
     true = np.array([(p.x, p.y, p.heading) for p in poses])
     return np.abs(out.poses - true).max(axis=0)
@@ -193,14 +198,15 @@ def test_a_point_heard_once_binds_nothing_and_stays_where_its_scan_heard_it():
 @pytest.mark.parametrize("number", [10, 99])
 def test_the_spread_of_a_point_is_that_of_what_many_noisy_drives_say(number):
     rng, (poses, motions) = np.random.default_rng(number), loop(rounds=1)
-    config, off = SmoothingConfig(point_bearing_rad=0.02, point_range_m=0.02), []
+    config = SmoothingConfig(  # sure of what these drives have no error of
+        point_bearing_rad=0.02, point_range_m=0.02, turn_rad=1e-4, range_scale=1e-5
+    )
+    off, said = [], []
     lonely = poses[4].inverse().transform(np.array([[3.5, 1.5]]))[0]  # number 99: heard by scan 4 alone
     for _ in range(200):
-        out = Smoother(START, config, WHEELS)
+        out = Smoother(START, config, (1e-5, 1e-5))
         for i, p in enumerate(poses):
-            moved = motions[i - 1]
-            noise = rng.multivariate_normal(np.zeros(3), moved.covariance)
-            out.add_scan(p, replace(moved, change=moved.change + noise) if i else None)
+            out.add_scan(p, noisy(motions[i - 1], rng) if i else None)
             for s in pillars_seen(i, p):
                 bearing = s.bearing_rad + rng.normal(0, config.point_bearing_rad)
                 range_m = s.range_m + rng.normal(0, config.point_range_m)
@@ -211,12 +217,12 @@ def test_the_spread_of_a_point_is_that_of_what_many_noisy_drives_say(number):
         numbers, places = out.points()
         place, last = places[numbers == number], Pose(*map(float, out.poses[-1]))
         off.append(last.inverse().transform(place)[0])
+        said.append(out.spread(np.array([number]), place)[0])
     last = poses[-1]
-    spread = out.spread(np.array([number]), place)[0]
     c, s = math.cos(last.heading), math.sin(last.heading)
     turn = np.array([[c, -s], [s, c]])
     found = turn @ np.cov(np.array(off).T) @ turn.T
-    assert np.sqrt(np.diag(spread)) == pytest.approx(np.sqrt(np.diag(found)), rel=0.45)
+    assert np.sqrt(np.diag(np.mean(said, axis=0))) == pytest.approx(np.sqrt(np.diag(found)), rel=0.2)
 
 
 def test_a_planted_false_merge_does_not_fold_the_map():
@@ -272,9 +278,7 @@ def test_the_covariance_of_a_chain_is_that_of_what_many_noisy_drives_say(seed):
     for _ in range(150):
         out = Smoother(START, config, WHEELS)
         for i, p in enumerate(poses):
-            moved = motions[i - 1]
-            noise = rng.multivariate_normal(np.zeros(3), moved.covariance)
-            out.add_scan(p, replace(moved, change=moved.change + noise) if i else None)
+            out.add_scan(p, noisy(motions[i - 1], rng) if i else None)
         for s in sightings(poses):
             bearing = rng.normal(s.bearing_rad, math.hypot(config.bearing_rad, config.bearing_least_rad))
             out.add_sighting(replace(s, bearing_rad=bearing, range_m=rng.normal(s.range_m, config.range_m)))

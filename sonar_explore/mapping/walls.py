@@ -1,0 +1,88 @@
+"""Segments of wall features: which are no walls, where they end, and what joins them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from sonar_explore.compiled import kernel
+from sonar_explore.geometry import Array, wrap_angle
+from sonar_explore.mapping.grid import Mask
+
+
+def pivot_points(walls: Array, scan: NDArray[np.int64], within_m: float, turn_rad: float) -> Mask:
+    """Which wall features are no walls: another scan met the same foot under another normal; shape (n,).
+
+    A plane answers each scan position from another foot under one normal; an edge, a corner or a thin column
+    answers all of them from one place, under normals that turn about it. The body keeps the feet of two true
+    walls that meet farther apart than `within_m`.
+
+    Args:
+        walls: segments of the features, shape (n, 4), map frame, [m].
+        scan: which scan each is of, shape (n,).
+        within_m: feet this close are one place, [m].
+        turn_rad: normals that differ by this much are two, [rad].
+    """
+    out = np.zeros(len(walls), dtype=bool)
+    if len(walls) < 2:
+        return out
+    feet = 0.5 * (walls[:, :2] + walls[:, 2:])
+    tangent = np.arctan2(walls[:, 3] - walls[:, 1], walls[:, 2] - walls[:, 0])
+    pairs = cKDTree(feet).query_pairs(within_m, output_type="ndarray")
+    turned = np.abs(wrap_angle(tangent[pairs[:, 0]] - tangent[pairs[:, 1]]))
+    pairs = pairs[(turned >= turn_rad) & (scan[pairs[:, 0]] != scan[pairs[:, 1]])]
+    out[pairs] = True
+    return out
+
+
+def trimmed(walls: Array, points: Array, within_m: float) -> Array:
+    """Wall segments, shape (n, 4), cut at the edges and corners that lie on them, [m].
+
+    Only the foot of a normal is sure to be wall. The rest of its segment ends where an edge was heard: at a jamb.
+    """
+    if not len(walls) or not len(points):
+        return walls
+    out = np.empty_like(walls)
+    _trim(walls, points, within_m, out)
+    return out
+
+
+@kernel
+def _trim(walls, points, within, out):  # type: ignore[no-untyped-def]
+    for i in range(len(walls)):
+        x, y = 0.5 * (walls[i, 0] + walls[i, 2]), 0.5 * (walls[i, 1] + walls[i, 3])
+        dx, dy = walls[i, 2] - walls[i, 0], walls[i, 3] - walls[i, 1]
+        half = 0.5 * math.hypot(dx, dy)
+        ux, uy = dx / max(2.0 * half, 1e-9), dy / max(2.0 * half, 1e-9)
+        forward = backward = half
+        for k in range(len(points)):
+            px, py = points[k, 0] - x, points[k, 1] - y
+            if abs(px * uy - py * ux) <= within:
+                at = px * ux + py * uy
+                if at > within:
+                    forward = min(forward, at)
+                elif at < -within:
+                    backward = min(backward, -at)
+        out[i, 0], out[i, 1] = x - ux * backward, y - uy * backward
+        out[i, 2], out[i, 3] = x + ux * forward, y + uy * forward
+
+
+def shortened(walls: Array, half_m: float) -> Array:
+    """Wall segments, shape (n, 4), cut to this much on either side of their middle, [m]."""
+    middle, half = 0.5 * (walls[:, :2] + walls[:, 2:]), 0.5 * (walls[:, 2:] - walls[:, :2])
+    half = half * np.minimum(1.0, half_m / np.maximum(np.hypot(*half.T), 1e-9))[:, None]
+    return np.hstack([middle - half, middle + half])
+
+
+def bridges(walls: Array, gap_m: float) -> Array:
+    """Segments across gaps between wall ends that the body cannot pass, shape (k, 4), [m]."""
+    if len(walls) < 2:
+        return np.zeros((0, 4))
+    ends = np.vstack([walls[:, :2], walls[:, 2:]])
+    owner = np.tile(np.arange(len(walls)), 2)
+    pairs = cKDTree(ends).query_pairs(gap_m, output_type="ndarray")
+    pairs = pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]]
+    return np.hstack([ends[pairs[:, 0]], ends[pairs[:, 1]]])
