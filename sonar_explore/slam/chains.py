@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,11 @@ class Link:
         """Distance from the robot when it was seen, [m]."""
         return self.feature.range_m
 
+    @cached_property
+    def foot(self) -> tuple[float, float, float]:
+        """Its middle, x y [m], and the direction of its line, in (-pi/2, pi/2], [rad]; map frame."""
+        return *self.segment.midpoint, self.segment.direction
+
 
 @dataclass(frozen=True)
 class Chain:
@@ -57,6 +63,7 @@ class ChainMap:
     def __init__(self) -> None:
         self._chains: dict[int, Chain] = {}
         self._next_id = 0
+        self._dangling: list[int] = []
         self._size = 0
         self._segments: Array = np.empty((64, 4))
         self._owners: NDArray[np.intp] = np.empty((64, 3), dtype=np.intp)
@@ -78,12 +85,12 @@ class ChainMap:
     @property
     def chains(self) -> tuple[Chain, ...]:
         """Ordered by id."""
-        return tuple(self._chains[i] for i in sorted(self._chains))
+        return tuple(self._chains.values())  # in the order in which they were rooted
 
     @property
     def dangling(self) -> tuple[int, ...]:
         """Ids of the dangling chains, rising."""
-        return tuple(chain.id for chain in self.chains if chain.dangling)
+        return tuple(self._dangling)
 
     @property
     def segments(self) -> Array:
@@ -104,13 +111,18 @@ class ChainMap:
         """Start a chain and return its id."""
         chain_id, self._next_id = self._next_id, self._next_id + 1
         self._chains[chain_id] = Chain(chain_id, (link,), 0, root_probability, dangling)
+        if dangling:
+            self._dangling.append(chain_id)
         self._stack(link, chain_id, 0)
         return chain_id
 
     def add_link(self, chain_id: int, link: Link) -> None:
         """Lengthen a chain."""
         chain = self[chain_id]
-        self._chains[chain_id] = replace(chain, links=(*chain.links, link))
+        links = (*chain.links, link)
+        self._chains[chain_id] = Chain(
+            chain_id, links, chain.root_index, chain.root_probability, chain.dangling
+        )
         self._stack(link, chain_id, len(chain.links))
 
     def merge(self, survivor_id: int, absorbed_id: int) -> None:
@@ -121,6 +133,7 @@ class ChainMap:
         links = survivor.links + absorbed.links
         self._chains[survivor_id] = replace(survivor, links=links, dangling=False)
         del self._chains[absorbed_id]
+        self._dangling = [i for i in self._dangling if i not in (survivor_id, absorbed_id)]
         rows = self.chain_ids == absorbed_id
         self._owners[: self._size][rows] += (survivor_id - absorbed_id, len(survivor.links), 0)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from sonar_explore.geometry import Array
 from sonar_explore.slam.association import Association
+from sonar_explore.slam.discs import mean
 
 DOOR_WIDTH_M = 0.80  # d_w of figure 10(a); the value is READING's
 DISTANCE_ZERO_M = 0.50  # figure 10(a)
@@ -35,25 +36,36 @@ def clusters(adr_rad: Array, half_width_rad: float) -> tuple[tuple[int, ...], ..
 
     The largest group is taken first, ties by the smaller spread. Each group is a tuple of indices.
     """
-    left = [int(i) for i in np.argsort(adr_rad, kind="stable")]
-    groups = []
-    while left:
-        windows = [left[i:j] for i in range(len(left)) for j in range(i + 1, len(left) + 1)]
-        fitting = [w for w in windows if _reach(adr_rad[w]) <= half_width_rad + 1e-12]
-        best = min(fitting, key=lambda w: (-len(w), round(float(np.ptp(adr_rad[w])), 12)))
-        groups.append(tuple(best))
-        left = [i for i in left if i not in best]
+    left, groups = np.argsort(adr_rad, kind="stable"), []
+    while len(left):
+        first, length = _largest_window(adr_rad[left], half_width_rad + 1e-12)
+        groups.append(tuple(left[first : first + length].tolist()))
+        left = np.delete(left, slice(first, first + length))
     return tuple(groups)
 
 
-def _reach(adr_rad: Array) -> float:
-    return float(np.abs(adr_rad - adr_rad.mean()).max())
+def _largest_window(rising: Array, half_width: float) -> tuple[int, int]:
+    """First and length of the longest run of rising values within `half_width` of their mean; ties by the spread."""
+    ends = rising.tolist()
+    for length in range(len(ends), 1, -1):
+        fitting = [
+            (round(ends[i + length - 1] - ends[i], 12), i)
+            for i in range(len(ends) - length + 1)
+            if _reach(ends[i], ends[i + length - 1], mean(rising[i : i + length])) <= half_width
+        ]
+        if fitting:
+            return min(fitting)[1], length
+    return 0, 1
 
 
-def p_distance(end_gap_m: float, config: ProbabilityConfig) -> float:
-    """P(dist), figure 10(a): 1 up to half a door, then linear to 0."""
+def _reach(least: float, most: float, middle: float) -> float:
+    return max(abs(least - middle), abs(most - middle))
+
+
+def p_distance(end_gap_m: float | Sequence[float], config: ProbabilityConfig) -> Array:
+    """P(dist), figure 10(a), of each gap: 1 up to half a door, then linear to 0."""
     half_door = 0.5 * config.door_width_m
-    return float(np.interp(end_gap_m, [half_door, config.distance_zero_m], [1.0, 0.0]))
+    return np.asarray(np.interp(end_gap_m, [half_door, config.distance_zero_m], [1.0, 0.0]))
 
 
 def p_angle(off_mean_rad: float, config: ProbabilityConfig) -> float:
@@ -68,14 +80,14 @@ def association_probabilities(
 
     Equation (2) is the union of P(cluster), P(dist) and P(ang).
     """
-    probabilities = np.zeros(len(kept))
+    probabilities, off = np.zeros(len(kept)), adr_rad.tolist()
+    p_dist = p_distance([association.end_gap_m for association in kept], config).tolist()
     for group in clusters(adr_rad, config.cluster_half_width_rad):
         p_cluster = len(group) / len(kept)  # equation (1)
-        mean = float(adr_rad[list(group)].mean())
+        middle = mean(adr_rad[list(group)])
         for i in group:
-            p_dist = p_distance(kept[i].end_gap_m, config)
-            p_ang = p_angle(float(adr_rad[i]) - mean, config)
-            probabilities[i] = 1.0 - (1.0 - p_cluster) * (1.0 - p_dist) * (1.0 - p_ang)
+            p_ang = p_angle(off[i] - middle, config)
+            probabilities[i] = 1.0 - (1.0 - p_cluster) * (1.0 - p_dist[i]) * (1.0 - p_ang)
     return probabilities
 
 

@@ -37,14 +37,15 @@ def reference_line(chain: Chain, config: ReferenceConfig) -> Segment:
     root = chain.root.segment
     if not config.refined or len(chain.links) < 2:
         return root
-    x, y = root.midpoint
-    c, s = math.cos(root.direction), math.sin(root.direction)
-    feet = np.array([link.segment.midpoint for link in chain.links]) - (x, y)
+    x, y, direction = chain.root.foot
+    c, s = math.cos(direction), math.sin(direction)
+    links = np.array([link.foot for link in chain.links])
+    feet = links[:, :2] - (x, y)
     along, across = feet @ (c, s), feet @ (-s, c)
-    turns = wrap_undirected(np.array([link.segment.direction for link in chain.links]) - root.direction)
+    turns = wrap_undirected(links[:, 2] - direction)
     discs = np.array([link.feature.discs for link in chain.links])
     offset, slope = _fit(along, across, turns, discs, config)
-    half, angle = 0.5 * root.length, root.direction + math.atan(slope)
+    half, angle = 0.5 * root.length, direction + math.atan(slope)
     mx, my = x - s * offset, y + c * offset
     dx, dy = half * math.cos(angle), half * math.sin(angle)
     return Segment(mx - dx, my - dy, mx + dx, my + dy)
@@ -54,19 +55,16 @@ def _fit(
     along: Array, across: Array, turns: Array, discs: Array, config: ReferenceConfig
 ) -> tuple[float, float]:
     """Offset [m] and slope of the line across = offset + slope along, with the directions as slopes too."""
-    foot = 1.0 / config.foot_sigma_m
-    direction = 1.0 / np.sqrt(config.direction_sigma_rad**2 / discs + config.direction_least_rad**2)
-    rows = np.vstack(
-        [
-            foot * np.column_stack([np.ones_like(along), along]),
-            np.column_stack([np.zeros_like(turns), direction]),
-        ]
-    )
-    values = np.concatenate([foot * across, direction * np.tan(turns)])
-    weights: Array = np.ones(len(values))
-    solution: Array = np.zeros(2)
+    n, foot = len(along), 1.0 / config.foot_sigma_m
+    rows, values = np.zeros((2 * n, 2)), np.empty(2 * n)
+    rows[:n, 0], rows[:n, 1] = foot, foot * along
+    rows[n:, 1] = 1.0 / np.sqrt(config.direction_sigma_rad**2 / discs + config.direction_least_rad**2)
+    values[:n], values[n:] = foot * across, rows[n:, 1] * np.tan(turns)
+    weights: Array = np.ones(2 * n)
     for _ in range(ROUNDS):
         solution = np.linalg.lstsq(rows * weights[:, None], values * weights, rcond=None)[0]
         off = np.abs(values - rows @ solution)
-        weights = np.sqrt(1.0 / np.maximum(1.0, off / 1.5))  # Huber
+        before, weights = weights, np.sqrt(1.0 / np.maximum(1.0, off / 1.5))  # Huber
+        if (weights == before).all():
+            break
     return float(solution[0]), float(solution[1])
