@@ -35,7 +35,7 @@ def figure_10(moment: Moment) -> Figure:
     gaps = [moment.update.associations[i].association.end_gap_m for i in kept]
     spots(
         second,
-        [(100 * g, p_distance(g, config), labels(moment)[i]) for g, i in zip(gaps, kept, strict=True)],
+        [(100 * g, float(p_distance(g, config)), labels(moment)[i]) for g, i in zip(gaps, kept, strict=True)],
     )
     second.set(
         xlabel="distance to the nearest end [cm]",
