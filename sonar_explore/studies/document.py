@@ -18,7 +18,7 @@ from sonar_explore.episodes.files import write_atomically
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.studies.compare.results import COMPARISON, Comparison, load_comparison
 from sonar_explore.studies.compare.tables import comparison_lines
-from sonar_explore.studies.plans.page import PICTURES, failure_lines
+from sonar_explore.studies.plans.page import PICTURES, failure_lines, is_ours, picture_name
 from sonar_explore.studies.plans.results import KIND, PlansStudy, load_plans_study
 from sonar_explore.studies.plans.study import report
 from sonar_explore.studies.results import Study, load_study
@@ -133,8 +133,11 @@ def _put_plans(folder: Path) -> None:
     study = load_plans_study(folder / "results.json")
     page = with_text(PLANS_PAGE.read_text(encoding="utf-8"), KIND, plans_section(study))
     shutil.rmtree(PLANS_PICTURES, ignore_errors=True)
-    if any((folder / PICTURES).glob("*.png")):
-        shutil.copytree(folder / PICTURES, PLANS_PICTURES)
+    shown = [run for run in study.failures() if run.summary and is_ours(run)]
+    if shown:
+        PLANS_PICTURES.mkdir()
+    for run in shown:
+        shutil.copy(folder / PICTURES / picture_name(run), PLANS_PICTURES)
     write_atomically(PLANS_PAGE, page.encode())
 
 

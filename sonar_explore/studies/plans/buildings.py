@@ -6,7 +6,7 @@ Each plan becomes a native world file in the study's folder, so that `sonar-expl
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -68,12 +68,23 @@ def data_folder(given: Path | None) -> Path | None:
     return Path(os.environ[DATA]) / "plans" if DATA in os.environ else None
 
 
-def buildings_of(files: list[Path], root: Path, out: Path, *, whole: bool) -> Iterator[Building]:
-    """Each plan, cut where it is large, bare and with clutter; the large ones whole too where wanted."""
-    stems = {p.stem for p in files}
+def readable(files: Sequence[Path]) -> tuple[dict[Path, World], list[str]]:
+    """The worlds of those files that are plans, and a line for each that is none."""
+    worlds, unread = {}, []
     for file in files:
+        try:
+            worlds[file] = load_world(file)
+        except SonarExploreError as error:
+            unread.append(str(error))
+    return worlds, unread
+
+
+def buildings_of(plans: Mapping[Path, World], root: Path, out: Path, *, whole: bool) -> Iterator[Building]:
+    """Each plan, cut where it is large, bare and with clutter; the large ones whole too where wanted."""
+    stems = {p.stem for p in plans}
+    for file, world in plans.items():
         name = "-".join(file.relative_to(root).with_suffix("").parts)
-        plan = replace(load_world(file), name=name)
+        plan = replace(world, name=name)
         cut = cropped(plan)
         yield _kept(cut, out, "plans")
         if f"{file.stem}_furnitures" not in stems and not file.stem.endswith("_furnitures"):

@@ -59,13 +59,20 @@ def write_pages(study: PlansStudy, out: Path, record_of: dict[tuple[str, int], P
     )
 
 
+def is_ours(run: Run) -> bool:
+    """Whether its building may be shown in the documents: plans of others stay with their owners."""
+    return run.group == "generated"
+
+
 def failure_lines(study: PlansStudy, pictures: str) -> list[str]:
-    """The failures with their pictures and causes, in Markdown; `pictures` is the folder's address."""
+    """The failures with their causes, and pictures of those `is_ours`, in Markdown; `pictures` is their folder."""
     lines = []
     for run in study.failures():
         lines += [f"### {run.building}, seed {run.seed}", "", f"{run.says}.", ""]
         lines += [f"- {part.says}" for part in run.parts[:_SHOWN_PARTS]]
-        if run.summary:
+        if not is_ours(run):
+            lines += ["", "(of a plan of others, whose outline is not shown here)", ""]
+        elif run.summary:
             lines += ["", f"![{run.building}]({pictures}/{picture_name(run)})", ""]
     return lines or ["None."]
 

@@ -118,6 +118,8 @@ class PlansStudy(msgspec.Struct, frozen=True):
     slam: str
     seeds: int
     max_scans: int
+    unread: list[str]
+    """A line for each file among the plans that is none."""
     config: dict[str, Any]
     runs: list[Run]
 

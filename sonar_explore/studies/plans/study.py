@@ -16,12 +16,19 @@ from sonar_explore.errors import SonarExploreError, unknown_name
 from sonar_explore.slam import SLAMS
 from sonar_explore.studies import progress
 from sonar_explore.studies.jobs import Job, Outcome, Variant, code_fingerprint
-from sonar_explore.studies.plans.buildings import Building, buildings_of, data_folder, generated, plan_files
+from sonar_explore.studies.plans.buildings import (
+    Building,
+    buildings_of,
+    data_folder,
+    generated,
+    plan_files,
+    readable,
+)
 from sonar_explore.studies.plans.page import write_pages
 from sonar_explore.studies.plans.results import KIND, Miss, PlansStudy, Run, late_s, parts_left
 from sonar_explore.studies.plans.tables import BRIEFLY, goal_lines, group_table, growth_table, plan_table
 from sonar_explore.studies.plans.tour import kept_tour
-from sonar_explore.studies.runner import plan, run_jobs, usable_cores
+from sonar_explore.studies.runner import in_processes, plan, run_jobs, usable_cores
 from sonar_explore.studies.store import load_record_packed, record_path
 
 
@@ -53,8 +60,9 @@ def run_plans(choices: PlanChoices) -> PlansStudy:
     if choices.slam not in SLAMS:
         raise unknown_name("slam", choices.slam, SLAMS)
     folder = data_folder(choices.data)
-    files = plan_files(folder) if folder is not None else []
-    if not files and not choices.generated:
+    plans, unread = readable(plan_files(folder)) if folder is not None else ({}, [])
+    progress.say(*(f"left out: {line}" for line in unread))
+    if not plans and not choices.generated:
         raise SonarExploreError("no folder of floor plans and no generated worlds: nothing to run")
     with writable_folder(choices.out):
         worlds, tours = choices.out / "worlds", choices.out / "tours"
@@ -62,7 +70,7 @@ def run_plans(choices: PlanChoices) -> PlansStudy:
         tours.mkdir(exist_ok=True)
         buildings = list(generated(choices.generated))
         if folder is not None:
-            buildings = [*buildings_of(files, folder, worlds, whole=choices.whole), *buildings]
+            buildings = [*buildings_of(plans, folder, worlds, whole=choices.whole), *buildings]
         outcomes = _run(choices, buildings)
         study = PlansStudy(
             kind=KIND,
@@ -72,6 +80,7 @@ def run_plans(choices: PlanChoices) -> PlansStudy:
             slam=choices.slam,
             seeds=choices.seeds,
             max_scans=choices.max_scans,
+            unread=unread,
             config=msgspec.to_builtins(choices.base.with_noise(choices.noise)),
             runs=[_summed_up(b, job, outcome, choices.out) for b, job, outcome in outcomes],
         )
@@ -113,22 +122,23 @@ def _run(choices: PlanChoices, buildings: Sequence[Building]) -> list[tuple[Buil
         progress.say(
             f"{todo.outdated} finished episodes are of another version or configuration: they run again"
         )
+    processes = choices.jobs or usable_cores()
     with progress.bar(len(pairs), len(todo.done)) as on_done:
-        fresh = run_jobs(
-            todo.left,
-            choices.out,
-            processes=choices.jobs or usable_cores(),
-            keep_record=True,
-            on_done=on_done,
-        )
+        fresh = run_jobs(todo.left, choices.out, processes=processes, keep_record=True, on_done=on_done)
+    tours = {b.name: (job.world, job.fingerprint, _tour_file(choices.out, b)) for b, job in pairs}
+    in_processes(kept_tour, list(tours.values()), processes=processes)
     found = {(o.world, o.seed): o for o in [*todo.done, *fresh]}
     order = {building.world: i for i, building in enumerate(buildings)}
     pairs.sort(key=lambda pair: (order[pair[0].world], pair[1].seed))
     return [(building, job, found[job.world, job.seed]) for building, job in pairs]
 
 
+def _tour_file(out: Path, building: Building) -> Path:
+    return out / "tours" / f"{building.name}.json"
+
+
 def _summed_up(building: Building, job: Job, outcome: Outcome, out: Path) -> Run:
-    tour = kept_tour(job.world, outcome.fingerprint, out / "tours" / f"{building.name}.json")
+    tour = kept_tour(job.world, outcome.fingerprint, _tour_file(out, building))
     run = Run(
         building=building.name,
         group=building.group,

@@ -39,6 +39,7 @@ def goal_lines(study: PlansStudy) -> list[str]:
         f"the median is {median_text(median(ratios))}, and {rate_text(within)} % of the runs that explored enough "
         "cost no more.",
         f"- {len(runs) - len(done)} runs ended with an exception.",
+        *(f"- Left out: {line}" for line in study.unread),
     ]
 
 

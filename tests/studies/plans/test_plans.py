@@ -132,6 +132,7 @@ def study(tmp_path_factory):
     data = tmp_path_factory.mktemp("plans")
     (data / "sub").mkdir()
     (data / "sub" / "box.toml").write_text(toml_of(box(4.0, 3.0)))
+    (data / "sub" / "notes.json").write_text('{"no": "plan"}')
     out = tmp_path_factory.mktemp("study")
     chosen = PlanChoices(
         data=data,
@@ -164,6 +165,18 @@ def test_every_failure_has_a_cause_and_a_picture(study):
         "<!-- explore-plans -->old<!-- end of explore-plans -->", found.kind, plans_section(found)
     )
     assert all(f"### {run.building}, seed" in section for run in failures) and "old" not in section
+
+
+def test_a_file_that_is_no_plan_is_left_out_and_named(study):
+    chosen, found = study
+    assert len(found.unread) == 1 and "notes.json" in found.unread[0]
+    assert "notes.json" in (chosen.out / "index.html").read_text()
+
+
+def test_the_documents_show_pictures_of_generated_buildings_alone(study):
+    section = plans_section(study[1])
+    ours = [run.building for run in study[1].failures() if run.group == "generated"]
+    assert ours and section.count("![") == len(ours)
 
 
 def test_only_runs_that_explored_enough_count_for_the_cost(study):
