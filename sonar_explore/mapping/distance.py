@@ -1,4 +1,4 @@
-"""Distance of every cell to the nearest cell of a kind: exact and in linear time.
+"""Distance of every cell to the nearest cell of a kind: exact, in linear time, and anew only where it can have changed.
 
 Meijster, Roerdink & Hesselink 2000: down each column first, then the lower envelope of parabolas along each row, all
 in whole numbers.
@@ -10,9 +10,11 @@ import math
 
 import numpy as np
 
-from sonar_explore.compiled import kernel
+from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array
 from sonar_explore.mapping.grid import Mask
+
+_NONE = 2**31 - 1  # the square of the distance where there is none
 
 
 def distances(to: Mask) -> Array:
@@ -23,16 +25,42 @@ def distances(to: Mask) -> Array:
     >>> distances(np.array([[True, False, False]]))
     array([[0., 1., 2.]])
     """
-    out = np.empty(to.shape)
-    _distances(to, out)
-    return out
+    return Distances().of(to)
+
+
+class Distances:
+    """Distances to the cells of one mask after another: between two that differ little, little is worked out.
+
+    A cell farther from every cell that changed than from the nearest of the kind keeps its distance, and along a row
+    so does whatever lies beyond such a cell.
+    """
+
+    def __init__(self, less: float = 0.0, cell_m: float = 1.0) -> None:
+        """
+        Args:
+            less: how much nearer than the middle of the nearest cell what counts begins, in cells.
+            cell_m: side of a cell, [m]; distances come in it.
+        """
+        self._less, self._cell_m = less, cell_m
+        self._to: Mask = np.zeros((0, 0), dtype=bool)
+
+    def of(self, to: Mask) -> Array:
+        """Shape (rows, columns), [m]; the array is written to at the next call."""
+        if self._to.shape != to.shape:
+            self._down, self._squares = np.empty((2, *to.shape), dtype=np.int32)
+            self._distances = np.empty(to.shape)
+            _distances(to, self._down, self._squares, self._less, self._cell_m, self._distances)
+        else:
+            _renew(self._to, to, self._down, self._squares, self._less, self._cell_m, self._distances)
+        self._to = to.copy()
+        return self._distances
 
 
 @kernel
-def _distances(to, out):  # type: ignore[no-untyped-def]
+def _distances(to, down, squares, less, cell_m, out):  # type: ignore[no-untyped-def]
+    """`down` becomes the distance within each column, `squares` the square of that to any cell, both in cells."""
     rows, columns = to.shape
     far = rows + columns  # farther than any cell
-    down = np.empty((rows, columns), dtype=np.int32)
     for c in range(columns):
         down[0, c] = 0 if to[0, c] else far
     for r in range(1, rows):
@@ -41,38 +69,109 @@ def _distances(to, out):  # type: ignore[no-untyped-def]
     for r in range(rows - 2, -1, -1):
         for c in range(columns):
             down[r, c] = min(down[r, c], down[r + 1, c] + 1)
-    lowest = np.empty(columns, dtype=np.int32)  # columns whose parabolas make the envelope
-    begins = np.empty(columns, dtype=np.int32)  # where each one's part begins
+    envelope = np.empty((2, columns), dtype=np.int32)
     for r in range(rows):
-        parts = 0
-        for u in range(columns):
-            gu = down[r, u]
-            left, right = down[r, max(u - 1, 0)], down[r, min(u + 1, columns - 1)]
-            if gu >= far or (gu == 0 and left == 0 and right == 0):
-                continue
-            if min(gu * gu - left * left, gu * gu - right * right) >= 1:  # nowhere lower than both beside it
-                continue
-            begin = 0
-            while parts > 0:
-                i = lowest[parts - 1]
-                gi = down[r, i]
-                # the first column where the parabola of u lies below that of i
-                begin = int(math.floor(((u - i) * (u + i) + gu * gu - gi * gi) / (2.0 * (u - i)))) + 1
-                if begin > begins[parts - 1]:
-                    break
-                parts -= 1
-                begin = 0
-            if begin < columns:
-                lowest[parts], begins[parts] = u, max(begin, 0)
-                parts += 1
-        k = parts - 1
-        for c in range(columns - 1, -1, -1):
-            if down[r, c] == 0 or parts == 0:
-                out[r, c] = 0.0 if down[r, c] == 0 else np.inf
-                continue
-            while begins[k] > c:
-                k -= 1
-            i = lowest[k]
-            out[r, c] = float((c - i) * (c - i) + down[r, i] * down[r, i])
-        for c in range(columns):  # in a loop of its own, for the processor takes several roots at once
-            out[r, c] = math.sqrt(out[r, c])
+        _along(down[r], far, 0, columns - 1, 0, columns - 1, envelope, squares[r])
+        _root(squares[r], less, cell_m, 0, columns - 1, out[r])
+
+
+@kernel
+def _renew(before, to, down, squares, less, cell_m, out):  # type: ignore[no-untyped-def]
+    """Go over from the distances to `before` to those to `to`."""
+    rows, columns = to.shape
+    far = rows + columns
+    first, last = np.full(columns, rows), np.full(columns, -1)
+    for r in range(rows):
+        differ = 0
+        for c in range(columns):
+            differ += before[r, c] != to[r, c]
+        if differ:
+            for c in range(columns):
+                if before[r, c] != to[r, c]:
+                    first[c], last[c] = min(first[c], r), r
+    left, right = np.full(rows, columns), np.full(rows, -1)  # what changed down the columns, by rows
+    above = np.empty(rows, dtype=np.int32)
+    for c in range(columns):
+        if last[c] >= 0:
+            _down_again(to, down, c, first[c], last[c], far, above, left, right)
+    envelope = np.empty((2, columns), dtype=np.int32)
+    for r in range(rows):
+        if right[r] >= 0:
+            a, b = left[r], right[r]
+            while a > 0 and squares[r, a - 1] >= (left[r] - (a - 1)) ** 2:
+                a -= 1
+            while b < columns - 1 and squares[r, b + 1] >= (b + 1 - right[r]) ** 2:
+                b += 1
+            # what is nearest to the cells from a to b lies between what is nearest to those beside them
+            first_column = max(0, a - 1 - int(math.sqrt(squares[r, a - 1]))) if a > 0 else 0
+            last_column = columns - 1
+            if b < columns - 1:
+                last_column = min(last_column, b + 1 + int(math.sqrt(squares[r, b + 1])))
+            _along(down[r], far, first_column, last_column, a, b, envelope, squares[r])
+            _root(squares[r], less, cell_m, a, b, out[r])
+
+
+@inner_kernel
+def _down_again(to, down, c, first, last, far, above, left, right):  # type: ignore[no-untyped-def]
+    """Distances within a column, whose cells changed between two rows: anew as far as the next cells of the kind."""
+    first, last = max(0, first - 1), min(len(to) - 1, last + 1)
+    while first > 0 and not to[first, c]:
+        first -= 1
+    while last < len(to) - 1 and not to[last, c]:
+        last += 1
+    nearest = far
+    for r in range(last, first - 1, -1):
+        nearest = 0 if to[r, c] else min(far, nearest + 1)
+        above[r] = nearest
+    nearest = far
+    for r in range(first, last + 1):
+        nearest = 0 if to[r, c] else min(far, nearest + 1)
+        distance = min(nearest, above[r])
+        if down[r, c] != distance:
+            down[r, c] = distance
+            left[r], right[r] = min(left[r], c), max(right[r], c)
+
+
+@inner_kernel
+def _along(down, far, first, last, begin_at, end_at, envelope, squares):  # type: ignore[no-untyped-def]
+    """Squares of the distances of a row's cells between two, if what is nearest to them lies between two columns.
+
+    `envelope` holds the columns whose parabolas make it, and where each one's part begins.
+    """
+    columns = len(down)
+    parts = 0
+    for u in range(first, last + 1):
+        gu = down[u]
+        left, right = down[max(u - 1, 0)], down[min(u + 1, columns - 1)]
+        if gu >= far or (gu == 0 and left == 0 and right == 0):
+            continue
+        if min(gu * gu - left * left, gu * gu - right * right) >= 1:  # nowhere lower than both beside it
+            continue
+        begin = begin_at
+        while parts > 0:
+            i = envelope[0, parts - 1]
+            gi = down[i]
+            # the first column where the parabola of u lies below that of i
+            begin = int(math.floor(((u - i) * (u + i) + gu * gu - gi * gi) / (2.0 * (u - i)))) + 1
+            if begin > envelope[1, parts - 1]:
+                break
+            parts -= 1
+            begin = begin_at
+        if begin <= end_at:
+            envelope[0, parts], envelope[1, parts] = u, max(begin, begin_at)
+            parts += 1
+    k = parts - 1
+    for c in range(end_at, begin_at - 1, -1):
+        if down[c] == 0 or parts == 0:
+            squares[c] = 0 if down[c] == 0 else _NONE
+            continue
+        while envelope[1, k] > c:
+            k -= 1
+        i = envelope[0, k]
+        squares[c] = (c - i) * (c - i) + down[i] * down[i]
+
+
+@inner_kernel
+def _root(squares, less, cell_m, first, last, out):  # type: ignore[no-untyped-def]
+    for c in range(first, last + 1):  # in a loop of its own, for the processor takes several roots at once
+        out[c] = (math.sqrt(squares[c]) - less) * cell_m if squares[c] < _NONE else np.inf

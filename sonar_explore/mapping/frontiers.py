@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from sonar_explore.compiled import inner_kernel, kernel
-from sonar_explore.mapping.grid import FREE, UNKNOWN, Mask
+from sonar_explore.mapping.changes import changed_spans
+from sonar_explore.mapping.grid import FREE, UNKNOWN, Cells, Mask, States
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.mapping.regions import labelled
 
@@ -39,11 +41,10 @@ def find_frontiers(grid: OccupancyGrid, body_radius_m: float, min_length_m: floa
 
     A frontier cell is free, passable, and touches a passable unknown cell.
     """
-    way = passable(grid, body_radius_m)
-    cells = _edge(grid.states, way)
+    cells = grid.keeper(("edge", body_radius_m), lambda: _Edge(body_radius_m)).of(grid)
     if not len(cells):
         return ()
-    regions = labelled(cells, grid.frame.shape)
+    regions = labelled(cells)
     order, sizes = np.argsort(regions, kind="stable"), np.bincount(regions)
     ends = np.cumsum(sizes)
     cells = cells[order]
@@ -56,28 +57,46 @@ def find_frontiers(grid: OccupancyGrid, body_radius_m: float, min_length_m: floa
     return tuple(sorted(found, key=lambda f: (-len(f.cells), f.centroid)))
 
 
+class _Edge:
+    """Frontier cells of one map after another, by rows, shape (n, 2)."""
+
+    def __init__(self, body_radius_m: float) -> None:
+        self._body = body_radius_m
+        self._states: States = np.zeros((0, 0), dtype=np.uint8)
+        self._edge: Mask = np.zeros((0, 0), dtype=bool)
+
+    def of(self, grid: OccupancyGrid) -> Cells:
+        states, to_walls = grid.states, grid.to_walls_m
+        if states.shape != self._states.shape:
+            spans = np.tile([0, states.shape[1] - 1], (len(states), 1))
+            self._edge = np.zeros(states.shape, dtype=bool)
+        else:  # a wall shuts cells as far away as the body reaches, and their neighbours are no edge then
+            felt = 2 + math.ceil(self._body / grid.frame.resolution_m)
+            spans = changed_spans(self._states, states, felt)
+        _mark_edge(states, to_walls, self._body, spans, self._edge)
+        self._states = states
+        rows, columns = np.divmod(np.flatnonzero(self._edge), states.shape[1])
+        return np.column_stack([rows, columns])
+
+
 @kernel
-def _edge(states, way):  # type: ignore[no-untyped-def]
-    """Free, passable cells that touch a passable unknown one, by rows, shape (n, 2)."""
-    rows, columns = states.shape
-    cells = np.empty((states.size, 2), dtype=np.int64)
-    count = 0
-    for row in range(rows):
-        for column in range(columns):
-            if states[row, column] != FREE or not way[row, column]:
-                continue
-            if _touches(states, way, row, column):
-                cells[count, 0], cells[count, 1] = row, column
-                count += 1
-    return cells[:count].copy()
+def _mark_edge(states, to_walls, body, spans, edge):  # type: ignore[no-untyped-def]
+    """Which cells of the spans are free, passable and touch a passable unknown one."""
+    for row in range(len(spans)):
+        for column in range(spans[row, 0], spans[row, 1] + 1):
+            edge[row, column] = (
+                states[row, column] == FREE
+                and to_walls[row, column] > body
+                and _touches(states, to_walls, body, row, column)
+            )
 
 
 @inner_kernel
-def _touches(states, way, row, column):  # type: ignore[no-untyped-def]
+def _touches(states, to_walls, body, row, column):  # type: ignore[no-untyped-def]
     """Whether one of the eight neighbours is unknown and passable."""
     rows, columns = states.shape
     for r in range(max(0, row - 1), min(rows, row + 2)):
         for c in range(max(0, column - 1), min(columns, column + 2)):
-            if states[r, c] == UNKNOWN and way[r, c]:
+            if states[r, c] == UNKNOWN and to_walls[r, c] > body:
                 return True
     return False

@@ -13,15 +13,16 @@ our reading, judged by its aim: few *false-free* cells. Three kinds of evidence:
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonar_explore.geometry import Array, Pose, wrap_angle
-from sonar_explore.mapping.distance import distances
+from sonar_explore.mapping.distance import Distances
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States
 from sonar_explore.mapping.rows import differing_rows
 from sonar_explore.mapping.sectors import Sectors, cut_all_at_walls, in_reach, mark_segments
@@ -31,6 +32,7 @@ from sonar_explore.slam.features import Feature, FeatureKind, compensated_ranges
 
 MARGIN_M = 0.25  # of the grid beyond what a scan can reach
 RECENT_SCANS = 6
+Keeper = TypeVar("Keeper")
 BINS = 360
 """Directions in which a scan position keeps how far it is clear."""
 
@@ -81,11 +83,21 @@ class OccupancyGrid:
     frame: GridFrame
     states: States
     """UNKNOWN, FREE or OCCUPIED, shape (rows, columns)."""
+    kept: dict[Any, Any] = field(default_factory=dict, repr=False)
+    """What is worked out of the map, by what it is: shared with the maps drawn before and after, so that each goes on
+    from the last one. An array of theirs holds until the next map is asked for the same."""
 
-    @cached_property
+    def keeper(self, what: Any, make: Callable[[], Keeper]) -> Keeper:
+        """What works `what` out of one map after another."""
+        if what not in self.kept:
+            self.kept[what] = make()
+        found: Keeper = self.kept[what]
+        return found
+
+    @property
     def to_walls_m(self) -> Array:
-        """Distance of each cell to the nearest occupied one, shape (rows, columns), [m]."""
-        return distances(self.states == OCCUPIED) * self.frame.resolution_m
+        """Distance of each cell to the nearest occupied one, shape (rows, columns), [m]; see `kept`."""
+        return self.keeper("to walls", lambda: _ToWalls(self.frame.resolution_m)).of(self)
 
     @property
     def free(self) -> Mask:
@@ -96,6 +108,20 @@ class OccupancyGrid:
     def occupied(self) -> Mask:
         """Shape (rows, columns)."""
         return self.states == OCCUPIED
+
+
+class _ToWalls:
+    """`OccupancyGrid.to_walls_m` of one map after another."""
+
+    def __init__(self, cell_m: float) -> None:
+        self._distances = Distances(cell_m=cell_m)
+        self._states: States | None = None
+
+    def of(self, grid: OccupancyGrid) -> Array:
+        if grid.states is not self._states:
+            self._states = grid.states
+            self._found = self._distances.of(grid.occupied)
+        return self._found
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,6 +232,8 @@ class _Drawn:
     """What shortened their sectors, shape (n, 4), [m]."""
     pivots: Mask = field(default_factory=lambda: np.zeros(0, dtype=bool))
     """Which of their walls are none, shape (n,)."""
+    kept: dict[Any, Any] = field(default_factory=dict)
+    """What was worked out of the map."""
 
 
 class OccupancyMapper:
@@ -279,7 +307,8 @@ class OccupancyMapper:
         bridged = np.zeros(frame.shape)
         mark_segments(frame, bridged, gaps, cfg.wall_weight)
         support = np.maximum(wall_evidence, bridged, out=bridged)
-        return OccupancyGrid(frame, drawn.sectors.states(support, cfg.core_weight, cfg.body_weight))
+        states = drawn.sectors.states(support, cfg.core_weight, cfg.body_weight)
+        return OccupancyGrid(frame, states, drawn.kept)
 
     @property
     def trail(self) -> Array:

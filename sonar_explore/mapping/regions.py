@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from sonar_explore.compiled import kernel
+from sonar_explore.mapping.changes import box_of, changed_spans
 from sonar_explore.mapping.grid import Cells, Mask
 
 
@@ -15,6 +16,28 @@ def without_holes(mask: Mask, most: int) -> Mask:
     out = mask.copy()
     _fill(out, most)
     return out
+
+
+class WithoutHoles:
+    """`without_holes` of one mask after another: a hole is looked for anew where a cell within its size has changed."""
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._mask: Mask = np.zeros((0, 0), dtype=bool)
+        self._filled = self._mask
+
+    def of(self, mask: Mask) -> Mask:
+        """Shape (rows, columns); the array is written to at the next call."""
+        if mask.shape != self._mask.shape:
+            self._filled = without_holes(mask, self._most)
+        elif (box := box_of(changed_spans(self._mask, mask, self._most + 1))) is not None:
+            first = tuple(max(0, part.start - self._most - 1) for part in box)
+            # a window wide enough to hold every small hole of the box, and enough of every large one to tell it
+            about = tuple(slice(at, part.stop + self._most + 1) for at, part in zip(first, box, strict=True))
+            within = tuple(slice(p.start - at, p.stop - at) for at, p in zip(first, box, strict=True))
+            self._filled[box] = without_holes(mask[about], self._most)[within]
+        self._mask = mask
+        return self._filled
 
 
 def enclosed_blocks(
@@ -43,12 +66,16 @@ def enclosed_blocks(
     ]
 
 
-def labelled(cells: Cells, shape: tuple[int, int]) -> NDArray[np.int64]:
-    """The region of each cell, shape (n,), of cells by rows, shape (n, 2), on a grid of this shape.
+def labelled(cells: Cells) -> NDArray[np.int64]:
+    """The region of each cell, shape (n,), of cells by rows, shape (n, 2).
 
     Regions join by sides and corners, and count from 0 by their first cells.
     """
-    return np.asarray(_label(cells, shape[0], shape[1]))
+    if not len(cells):
+        return np.zeros(0, dtype=np.int64)
+    first = cells.min(axis=0)
+    rows, columns = (cells.max(axis=0) - first + 1).tolist()
+    return np.asarray(_label(cells - first, rows, columns))
 
 
 @kernel

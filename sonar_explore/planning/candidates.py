@@ -11,14 +11,12 @@ import numpy as np
 
 from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array
-from sonar_explore.mapping.frontiers import passable
-from sonar_explore.mapping.grid import UNKNOWN, Cells, Mask
+from sonar_explore.mapping.grid import Cells, Mask
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.planning.expected import ChainSpans, expected_chains
 from sonar_explore.planning.paths import SafePaths
+from sonar_explore.planning.unseen import new_area
 from sonar_explore.slam.chains import Chain
-
-RAYS = 48
 
 
 @dataclass(frozen=True)
@@ -96,24 +94,20 @@ class CandidateFinder:
         cells = self._lattice(grid, paths, np.vstack([scanned, put_aside]))
         if not len(cells):
             return ()
-        way = passable(grid, self._body)
-        area = new_area(
-            cells, way, (grid.states == UNKNOWN) & way, self._config.view_m, grid.frame.resolution_m
-        )
+        area = new_area(grid, cells, self._body, self._config.view_m)
         places = grid.frame.centres(cells)
         spans = self._spans.of(chains)
-        answers = expected_chains(places, spans, grid, self._near, self._far, self._config.chain_grows_m)
         dangling = np.array([c.dangling and tried.get(c.id, 0) < 2 for c in chains], dtype=bool)
         certain = np.array([c.root_probability if not c.dangling else 0.0 for c in chains])
-        meets: Mask = np.zeros(len(cells), dtype=bool)
-        if dangling.any():
-            meets = np.asarray(answers[:, dangling].any(axis=1) & answers[:, ~dangling].any(axis=1))
+        meets = self._answered(places, spans[dangling], grid)
+        meets[meets] = self._answered(places[meets], spans[~dangling], grid)
         length = paths.cost_m[cells[:, 0], cells[:, 1]]
         enough = area >= self._config.least_area_m2 + self._config.area_per_m * length
         worth = enough | meets
         rank = np.where(enough, area, 0.0) + 0.2 * meets
         chosen = self._spread(places, np.where(worth, rank / (1.0 + length), 0.0))
-        certainty = _certainty(certain, np.array([c.root.segment.direction for c in chains]), answers[chosen])
+        answers = self._answers(places[chosen], spans, grid)
+        certainty = _certainty(certain, np.array([c.root.segment.direction for c in chains]), answers)
         ids = [c.id for c in chains]
         return tuple(
             Candidate(
@@ -128,12 +122,19 @@ class CandidateFinder:
             for i, (x, y), answering, dangles, sure in zip(
                 chosen,
                 places[chosen].tolist(),
-                answers[chosen].tolist(),
-                (answers[chosen] & dangling).tolist(),
+                answers.tolist(),
+                (answers & dangling).tolist(),
                 certainty.tolist(),
                 strict=True,
             )
         )
+
+    def _answers(self, places: Array, spans: Array, grid: OccupancyGrid) -> Mask:
+        return expected_chains(places, spans, grid, self._near, self._far, self._config.chain_grows_m)
+
+    def _answered(self, places: Array, spans: Array, grid: OccupancyGrid) -> Mask:
+        """At which places one of the chains of these spans should answer, shape (n,)."""
+        return np.asarray(self._answers(places, spans, grid).any(axis=1))
 
     def roomy(self, grid: OccupancyGrid) -> Mask:
         """Cells far enough from known walls for a scan, shape (rows, columns)."""
@@ -155,12 +156,19 @@ class CandidateFinder:
         return [int(i) for i in np.concatenate([order[alone], order[~alone]])[: self._config.most]]
 
 
-@kernel
-def _away_from(places, taken, least):  # type: ignore[no-untyped-def]
+def _away_from(places: Array, taken: Array, least_m: float) -> Mask:
     """Which places, shape (n, 2), have none of those taken, shape (k, 2), within a distance, shape (n,)."""
+    taken = taken[np.argsort(taken[:, 0])]
+    reach = least_m + 1e-9
+    first, last = (np.searchsorted(taken[:, 0], places[:, 0] + off) for off in (-reach, reach))
+    return np.asarray(_none_near(places, taken, first, last, least_m))
+
+
+@kernel
+def _none_near(places, taken, first, last, least):  # type: ignore[no-untyped-def]
     away = np.ones(len(places), dtype=np.bool_)
     for i in range(len(places)):
-        for j in range(len(taken)):
+        for j in range(first[i], last[i]):
             dx, dy = abs(places[i, 0] - taken[j, 0]), abs(places[i, 1] - taken[j, 1])
             if dx < least and dy < least and math.hypot(dx, dy) < least:
                 away[i] = False
@@ -202,39 +210,6 @@ def _roomiest(usable, room, x0, y0, resolution, spacing):  # type: ignore[no-unt
                     most[i, j], best[i, j, 0], best[i, j, 1] = here, row, column
     flat = best.reshape(-1, 2)
     return flat[flat[:, 0] >= 0]
-
-
-def new_area(cells: Cells, way: Mask, unseen: Mask, view_m: float, resolution_m: float) -> Array:
-    """Unseen area in line of sight of each cell, shape (n,), [m2].
-
-    Rays run through passable cells, known or not, and count the unseen ones, each for its share of the disc.
-    """
-    steps = int(view_m / resolution_m)
-    angle = (np.arange(RAYS) + 0.5) * (2.0 * math.pi / RAYS)
-    radius = np.arange(1, steps + 1)
-    rows = np.round(radius[None, :] * np.sin(angle)[:, None]).astype(np.int64)
-    columns = np.round(radius[None, :] * np.cos(angle)[:, None]).astype(np.int64)
-    share = 2.0 * math.pi * resolution_m**2 / RAYS
-    return share * _seen_from(cells, way, unseen, rows, columns)
-
-
-@kernel
-def _seen_from(cells, way, unseen, rows, columns):  # type: ignore[no-untyped-def]
-    """Sum of the radii, in cells, at which each cell's rays meet unseen cells before the way ends."""
-    out = np.zeros(len(cells))
-    for i in range(len(cells)):
-        total = 0
-        for ray in range(rows.shape[0]):
-            for k in range(rows.shape[1]):
-                row, column = cells[i, 0] + rows[ray, k], cells[i, 1] + columns[ray, k]
-                if row < 0 or column < 0 or row >= way.shape[0] or column >= way.shape[1]:
-                    break
-                if not way[row, column]:
-                    break
-                if unseen[row, column]:
-                    total += k + 1
-        out[i] = total
-    return out
 
 
 def _certainty(probabilities: Array, directions: Array, answers: Mask) -> Array:

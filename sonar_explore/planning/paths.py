@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -12,10 +11,10 @@ from scipy import ndimage
 
 from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array
-from sonar_explore.mapping.distance import distances
-from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask
+from sonar_explore.mapping.distance import Distances
+from sonar_explore.mapping.grid import OCCUPIED, GridFrame, Mask, States
 from sonar_explore.mapping.occupancy import OccupancyGrid
-from sonar_explore.mapping.regions import without_holes
+from sonar_explore.mapping.regions import WithoutHoles
 from sonar_explore.planning.cheapest import cheapest_costs, cheapest_way
 from sonar_explore.planning.polyline import fewer_corners
 
@@ -106,27 +105,29 @@ class SafePaths:
         return self.frame.centres(cheapest_way(self._cell_costs, self._costs, cell))
 
 
-@lru_cache(maxsize=2)  # asked for again where paths are planned on the same map, with other limits
 def clearance(grid: OccupancyGrid, config: PlanningConfig) -> Array:
-    """Distance of each cell to the nearest one that is not free, small unknown specks apart; (rows, columns), [m]."""
-    res, most = grid.frame.resolution_m, round(config.speck_m2 / grid.frame.resolution_m**2)
-    about = _about(grid.states == FREE, most)
-    states = np.ascontiguousarray(grid.states[about])
-    free = without_holes(states == FREE, most) & (states != OCCUPIED)
-    room = np.full(grid.frame.shape, -0.5 * res)
-    room[about] = (distances(~free) - 0.5) * res
-    return room
+    """Distance of each cell to the nearest one that is not free, small unknown specks apart; (rows, columns), [m].
+
+    The array holds until the next map is asked for the same (`OccupancyGrid.kept`).
+    """
+    res = grid.frame.resolution_m
+    most = round(config.speck_m2 / res**2)
+    return grid.keeper(("clearance", most), lambda: _Clearance(most, res)).of(grid)
 
 
-def _about(mask: Mask, margin: int) -> tuple[slice, slice]:
-    """The rows and columns that hold all of a mask, and a margin: nothing beyond is nearer than what is inside."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if not len(rows):
-        return slice(None), slice(None)
-    return (
-        slice(max(0, rows[0] - margin - 1), rows[-1] + margin + 2),
-        slice(max(0, columns[0] - margin - 1), columns[-1] + margin + 2),
-    )
+class _Clearance:
+    """`clearance` of one map after another."""
+
+    def __init__(self, most: int, cell_m: float) -> None:
+        self._holes = WithoutHoles(most)
+        self._distances = Distances(less=0.5, cell_m=cell_m)
+        self._states: States | None = None
+
+    def of(self, grid: OccupancyGrid) -> Array:
+        if grid.states is not self._states:
+            self._states = grid.states
+            self._found = self._distances.of(~(self._holes.of(grid.free) & ~grid.occupied))
+        return self._found
 
 
 def _escape_zone(grid: OccupancyGrid, start: tuple[int, int], within_m: float) -> Mask:

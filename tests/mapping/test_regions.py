@@ -45,7 +45,7 @@ def test_blocks_that_are_surrounded_are_those_of_scikit_image(seed):
 @given(seeds)
 def test_regions_are_those_of_scikit_image(seed):
     mask, _ = patches(seed)
-    assert (label(mask, connectivity=2)[mask] - 1 == labelled(np.argwhere(mask), mask.shape)).all()
+    assert (label(mask, connectivity=2)[mask] - 1 == labelled(np.argwhere(mask))).all()
 
 
 @settings(max_examples=60, deadline=None)

@@ -1,7 +1,6 @@
 # mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """Candidates can be got to, have room for a scan and something new to see."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,7 @@ from hypothesis import strategies as st
 from sonar_explore.geometry import Pose, Segment
 from sonar_explore.mapping.grid import FREE, OCCUPIED, UNKNOWN, GridFrame
 from sonar_explore.mapping.occupancy import OccupancyGrid
-from sonar_explore.planning.candidates import CandidateConfig, CandidateFinder, new_area
+from sonar_explore.planning.candidates import CandidateConfig, CandidateFinder
 from sonar_explore.planning.expected import ChainSpans, expected_chains
 from sonar_explore.planning.paths import PlanningConfig, SafePaths
 from sonar_explore.slam import Chain, Feature, FeatureKind, Link
@@ -72,22 +71,6 @@ def test_in_a_closed_mapped_room_nothing_is_worth_a_scan():
     states = np.full(FRAME.shape, UNKNOWN, dtype=np.uint8)
     states[10:70, 10:70], states[11:69, 11:69] = OCCUPIED, FREE
     assert find(OccupancyGrid(FRAME, states), (2.0, 2.0))[0] == ()
-
-
-@settings(max_examples=20, deadline=None)
-@given(seeds)
-def test_new_area_counts_the_unknown_disc_and_never_more(seed):
-    view, rng = 0.8, np.random.default_rng(seed)
-    cells = np.array([[45, 50]])
-    way = np.ones(FRAME.shape, dtype=bool)
-    disc = math.pi * view**2
-    assert new_area(cells, way, way, view, FRAME.resolution_m)[0] == pytest.approx(disc, rel=0.15)
-    unseen = rng.random(FRAME.shape) < rng.random()
-    part = new_area(cells, way, unseen, view, FRAME.resolution_m)[0]
-    assert part == pytest.approx(disc * unseen.mean(), abs=0.2 * disc)
-    shut = way.copy()
-    shut[:, 52] = False
-    assert new_area(cells, shut, unseen, view, FRAME.resolution_m)[0] <= part
 
 
 def chain(wall, root_probability=1.0):

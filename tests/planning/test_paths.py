@@ -184,3 +184,19 @@ def test_samples_lie_a_step_apart_on_the_way_and_include_its_corners(corners, st
     assert max(np.hypot(*(b - a)) for a, b in pairwise(points)) <= step + 1e-9
     assert path_length(points) == pytest.approx(path_length(path))
     assert all(np.abs(points - corner).sum(axis=1).min() < 1e-9 for corner in path)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds)
+def test_clearance_that_goes_on_from_map_to_map_is_what_one_map_alone_gives(seed):
+    rng = np.random.default_rng(seed)
+    states, kept = (
+        rng.choice([UNKNOWN, FREE, FREE, FREE, FREE], FRAME.shape).astype(np.uint8),
+        dict[str, object](),
+    )
+    for _ in range(5):
+        expected = clearance(OccupancyGrid(FRAME, states), CONFIG)
+        assert (clearance(OccupancyGrid(FRAME, states, kept), CONFIG) == expected).all()
+        states = states.copy()
+        row, column = rng.integers(0, states.shape)
+        states[row : row + rng.integers(1, 12), column : column + rng.integers(1, 12)] = rng.integers(3)
