@@ -16,9 +16,9 @@ from worlds import building, scan_discs
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.envs.acoustics import SonarPhysics, echoes
 from sonar_explore.envs.exploration_env import ExplorationEnv
+from sonar_explore.envs.load import load_world
 from sonar_explore.envs.scene import Scene
 from sonar_explore.envs.simulator import Simulator, SimulatorConfig
-from sonar_explore.envs.world import load_world
 from sonar_explore.episodes.run import run_episode
 from sonar_explore.geometry import Pose, Segment
 from sonar_explore.mapping.frontiers import find_frontiers

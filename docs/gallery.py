@@ -7,9 +7,10 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from PIL import Image
 
+from sonar_explore.envs.load import load_world, shipped_worlds
 from sonar_explore.envs.plan_picture import draw_plan
 from sonar_explore.envs.survey import DOOR_MAX_M, survey
-from sonar_explore.envs.world import World, load_world, shipped_worlds
+from sonar_explore.envs.world import World
 
 DOCS = Path(__file__).parent
 GENERATED = (

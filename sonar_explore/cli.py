@@ -99,7 +99,7 @@ def commands(ctx: click.Context) -> None:
 def worlds(as_json: bool) -> None:
     """List the worlds that are shipped, and the generators, which make one for every seed."""
     from sonar_explore.envs.generator import generator_names
-    from sonar_explore.envs.world import load_world, shipped_worlds
+    from sonar_explore.envs.load import load_world, shipped_worlds
 
     rows: list[dict[str, Any]] = [
         {
@@ -126,7 +126,7 @@ def world(file: str, out: Path | None, as_json: bool) -> None:
     FILE?resolution=0.02 says how many metres a pixel is, FILE?start=1.5,2,90 where the robot starts.
     """
     from sonar_explore.envs import survey
-    from sonar_explore.envs.world import load_world
+    from sonar_explore.envs.load import load_world
 
     read = load_world(file)
     found = survey.survey(read)

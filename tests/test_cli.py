@@ -276,8 +276,8 @@ def test_worlds_and_generators_are_listed_as_a_table_and_as_json(
 ) -> None:
     world = SimpleNamespace(name="loop", title="A [bold]loop[/bold]", walls=[1, 2], has_loop=True)
     monkeypatch.setattr("sonar_explore.envs.generator.generator_names", lambda: ("generated/cave",))
-    monkeypatch.setattr("sonar_explore.envs.world.shipped_worlds", lambda: ("loop",))
-    monkeypatch.setattr("sonar_explore.envs.world.load_world", lambda _: world)
+    monkeypatch.setattr("sonar_explore.envs.load.shipped_worlds", lambda: ("loop",))
+    monkeypatch.setattr("sonar_explore.envs.load.load_world", lambda _: world)
     assert cli.main(["worlds"]) == 0
     out = capsys.readouterr().out
     assert "A [bold]loop[/bold]" in out and "generated/cave" in out
@@ -290,7 +290,7 @@ def test_worlds_and_generators_are_listed_as_a_table_and_as_json(
 
 
 def test_every_world_that_is_listed_can_be_read(capsys: Capture) -> None:
-    from sonar_explore.envs.world import load_world
+    from sonar_explore.envs.load import load_world
 
     assert cli.main(["worlds", "--json"]) == 0
     names = [row["name"] for row in json.loads(capsys.readouterr().out)]

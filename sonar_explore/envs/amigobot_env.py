@@ -10,11 +10,12 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from sonar_explore.envs.load import draw_world, is_generator, load_world
 from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.envs.rendering import top_view_ansi, top_view_rgb
 from sonar_explore.envs.simulator import Simulator, SimulatorConfig
 from sonar_explore.envs.validation import MAX_COORDINATE_M
-from sonar_explore.envs.world import World, draw_world, is_generator, load_world
+from sonar_explore.envs.world import World
 from sonar_explore.episodes.scoring import Scorer
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, wrap_angle

@@ -13,10 +13,11 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from sonar_explore.config import ExplorationConfig
+from sonar_explore.envs.load import draw_world, is_generator, load_world
 from sonar_explore.envs.rendering import render_ansi, render_rgb
 from sonar_explore.envs.simulator import Simulator
 from sonar_explore.envs.validation import MAX_COORDINATE_M
-from sonar_explore.envs.world import World, draw_world, is_generator, load_world
+from sonar_explore.envs.world import World
 from sonar_explore.episodes.scoring import Scorer
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.explorer import Explorer, Situation, Trip

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup, escape
 
-from sonar_explore.envs.world import World, load_world
+from sonar_explore.envs.load import load_world
+from sonar_explore.envs.world import World
 from sonar_explore.reports.frame import Frame, frame_around, scale_bar
 from sonar_explore.reports.page import write_page
 from sonar_explore.reports.study import study_values

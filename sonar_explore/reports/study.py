@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from sonar_explore.reports.study_charts import Spot, small_multiple
 if TYPE_CHECKING:
     from sonar_explore.studies.compare.results import Comparison
     from sonar_explore.studies.results import Study
+    from sonar_explore.studies.sensitivity import Swept
 
 
 def write_ablation(study: Study, folder: Path) -> None:
@@ -34,14 +36,11 @@ def write_ablation(study: Study, folder: Path) -> None:
     )
 
 
-def write_sensitivity(study: Study, folder: Path) -> None:
+def write_sensitivity(study: Study, found: Sequence[Swept], folder: Path) -> None:
     """`index.html` of the sensitivity study."""
-    from sonar_explore.studies.sensitivity import points_of, sentence
-    from sonar_explore.studies.sweeps import SWEEPS
-
     sweeps = []
-    for sweep in SWEEPS:
-        points = points_of(study, sweep)
+    for shown in found:
+        sweep, points = shown.sweep, shown.points
         label = f"{sweep.name} [{sweep.unit}]" if sweep.unit else sweep.name
         rates = [_spot(p.value, p.row.success, p.is_default) for p in points]
         errors = [
@@ -51,7 +50,7 @@ def write_sensitivity(study: Study, folder: Path) -> None:
             {
                 "name": sweep.name,
                 "option": sweep.option,
-                "sentence": sentence(sweep, points),
+                "sentence": shown.sentence,
                 "success": small_multiple(f"Success over {label}", label, rates, 1.0, "believed"),
                 "error": small_multiple(
                     f"Final position error over {label}", label, errors, None, "predicted"

@@ -13,7 +13,7 @@ import msgspec
 
 from sonar_explore import __version__
 from sonar_explore.config import ExplorationConfig
-from sonar_explore.envs.world import load_world
+from sonar_explore.envs.load import load_world
 from sonar_explore.episodes.record import Summary
 from sonar_explore.studies.options import with_option
 

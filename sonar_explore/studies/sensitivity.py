@@ -24,14 +24,14 @@ def run_sensitivity(choices: Choices) -> Study:
     study = run_variants("sensitivity", choices, sweep_variants(), keep_record=False)
     lines = sensitivity_lines(study)
     write_atomically(choices.out / "table.md", "\n".join(["# Sensitivity", "", *lines, ""]).encode())
-    write_sensitivity(study, choices.out)
+    write_sensitivity(study, swept(study), choices.out)
     progress.say(*lines, f"page: {choices.out / 'index.html'}")
     return study
 
 
 def sensitivity_lines(study: Study) -> list[str]:
     """One sentence a sweep, as a list in Markdown."""
-    return [f"- **{s.name}** (`{s.option}`): {sentence(s, points_of(study, s))}" for s in SWEEPS]
+    return [f"- **{s.sweep.name}** (`{s.sweep.option}`): {s.sentence}" for s in swept(study)]
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,21 @@ class Point:
     is_default: bool
     differs: bool
     """Whether success differs from the default's on the same worlds and seeds (McNemar, exact)."""
+
+
+@dataclass(frozen=True)
+class Swept:
+    """What one sweep shows."""
+
+    sweep: Sweep
+    points: tuple[Point, ...]
+    sentence: str
+
+
+def swept(study: Study) -> list[Swept]:
+    """Every sweep of the study."""
+    found = [(sweep, tuple(points_of(study, sweep))) for sweep in SWEEPS]
+    return [Swept(sweep, points, sentence(sweep, points)) for sweep, points in found]
 
 
 def points_of(study: Study, sweep: Sweep) -> list[Point]:

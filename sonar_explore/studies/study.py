@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sonar_explore.config import ExplorationConfig
+from sonar_explore.envs.load import load_world
 from sonar_explore.envs.odometry import noise_preset
-from sonar_explore.envs.world import load_world
 from sonar_explore.episodes.files import writable_folder
 from sonar_explore.studies import progress
 from sonar_explore.studies.jobs import Outcome, Variant, jobs_of

@@ -8,9 +8,10 @@ import pytest
 import shapely
 
 from sonar_explore.envs.generator import KINDS, generate, layouts
+from sonar_explore.envs.load import draw_world, is_generator, load_world
 from sonar_explore.envs.room import loops, room_for
 from sonar_explore.envs.validation import validate
-from sonar_explore.envs.world import World, draw_world, is_generator, load_world
+from sonar_explore.envs.world import World
 from sonar_explore.errors import SonarExploreError
 
 SEEDS = range(25)
@@ -68,7 +69,7 @@ def test_has_loop_agrees_with_the_lattice(kind: str) -> None:
 
 def test_the_same_name_is_the_same_world_in_another_process_too() -> None:
     program = (
-        "from sonar_explore.envs.world import load_world; import hashlib; "
+        "from sonar_explore.envs.load import load_world; import hashlib; "
         "w = load_world('generated/office-17'); print(hashlib.sha256(w.walls.tobytes()).hexdigest(), w.start)"
     )
     runs = {

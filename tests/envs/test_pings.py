@@ -9,8 +9,9 @@ from plain_pings import plain_echoes
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.beam import Beam
 from sonar_explore.envs.acoustics import SonarPhysics, echoes
+from sonar_explore.envs.load import load_world, shipped_worlds
 from sonar_explore.envs.scene import Scene
-from sonar_explore.envs.world import World, load_world, shipped_worlds
+from sonar_explore.envs.world import World
 from sonar_explore.geometry import Pose
 
 MOUNT = AmigoBot().sonars[2]

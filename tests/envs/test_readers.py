@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from world_files import MAP, ROOM, SVG, TOML, YAML, error_of, map_image, written
 
 from sonar_explore.envs import world as worlds
+from sonar_explore.envs.load import load_world
 from sonar_explore.envs.readers.toml_world import world_schema
 from sonar_explore.envs.survey import survey
-from sonar_explore.envs.world import World, load_world
+from sonar_explore.envs.world import World
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Pose
 

@@ -15,9 +15,10 @@ from scipy import ndimage
 from skimage.draw import disk, polygon
 from skimage.measure import find_contours
 
+from sonar_explore.envs.load import load_world
 from sonar_explore.envs.readers.bitmap import straighten
 from sonar_explore.envs.readers.image import brightness, load_image_world
-from sonar_explore.envs.world import World, load_world
+from sonar_explore.envs.world import World
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Pose
 

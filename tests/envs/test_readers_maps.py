@@ -9,7 +9,7 @@ import pytest
 import shapely
 from world_files import MAP, YAML, error_of, map_image, written
 
-from sonar_explore.envs.world import load_world
+from sonar_explore.envs.load import load_world
 from sonar_explore.geometry import Pose
 
 # HouseExpo

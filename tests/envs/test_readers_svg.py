@@ -10,9 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from world_files import ROOM, SVG, error_of, written
 
+from sonar_explore.envs.load import load_world
 from sonar_explore.envs.readers.svg_path import flatten, parse_path
 from sonar_explore.envs.readers.svg_transform import parse_transform
-from sonar_explore.envs.world import World, load_world
+from sonar_explore.envs.world import World
 
 
 def svg(tmp_path: Path, inside: str) -> World:

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sonar_explore.envs.load import load_world
 from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.envs.simulator import Simulator, SimulatorConfig
-from sonar_explore.envs.world import World, load_world
+from sonar_explore.envs.world import World
 from sonar_explore.geometry import Pose
 
 RADIUS = SimulatorConfig().robot.radius_m

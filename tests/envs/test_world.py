@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import ndimage
 
+from sonar_explore.envs.load import load_world, shipped_worlds
 from sonar_explore.envs.validation import nearest_free_place, validate
-from sonar_explore.envs.world import World, load_world, shipped_worlds
+from sonar_explore.envs.world import World
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Pose
 

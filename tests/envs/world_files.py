@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import skimage.io
 
-from sonar_explore.envs.world import load_world
+from sonar_explore.envs.load import load_world
 from sonar_explore.errors import SonarExploreError
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="6m" height="4m" viewBox="0 0 600 400">{}</svg>'

@@ -8,7 +8,7 @@ import pytest
 
 from sonar_explore.cli import main
 from sonar_explore.config import ExplorationConfig
-from sonar_explore.envs.world import load_world
+from sonar_explore.envs.load import load_world
 from sonar_explore.episodes.export import pgm, tum
 from sonar_explore.episodes.files import save_record
 from sonar_explore.episodes.run import run_episode

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from sonar_explore.envs.world import World, load_world
+from sonar_explore.envs.load import load_world
+from sonar_explore.envs.world import World
 from sonar_explore.episodes.scoring import FREE, OCCUPIED, Scorer, cast_rays, clearance_on
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, Pose

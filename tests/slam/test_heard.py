@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sonar_explore.amigobot import AmigoBot
+from sonar_explore.envs.load import load_world
 from sonar_explore.envs.simulator import Simulator, SimulatorConfig
-from sonar_explore.envs.world import load_world
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Pose
 from sonar_explore.measurement import Scan

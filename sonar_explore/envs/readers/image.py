@@ -11,7 +11,8 @@ import skimage.color
 import skimage.io
 
 from sonar_explore.envs.readers.bitmap import Bitmap, bitmap_world
-from sonar_explore.envs.world import ReadOptions, World, read_bytes
+from sonar_explore.envs.readers.source import ReadOptions, read_bytes
+from sonar_explore.envs.world import World
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, Pose
 

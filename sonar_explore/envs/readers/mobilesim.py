@@ -15,8 +15,9 @@ import numpy as np
 import shapely
 
 from sonar_explore.envs.readers.lines import world_of_lines
+from sonar_explore.envs.readers.source import ReadOptions, read_bytes
 from sonar_explore.envs.validation import MAX_CYLINDERS, MAX_WALLS
-from sonar_explore.envs.world import ReadOptions, World, read_bytes
+from sonar_explore.envs.world import World
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, Pose
 

@@ -15,8 +15,9 @@ import numpy as np
 
 from sonar_explore.envs.readers.bitmap import Bitmap, bitmap_world
 from sonar_explore.envs.readers.image import brightness
+from sonar_explore.envs.readers.source import ReadOptions, read_bytes
 from sonar_explore.envs.validation import MAX_COORDINATE_M
-from sonar_explore.envs.world import ReadOptions, World, read_bytes
+from sonar_explore.envs.world import World
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Pose
 

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from sonar_explore.envs.readers.lines import world_of_lines
+from sonar_explore.envs.readers.source import ReadOptions, read_bytes
 from sonar_explore.envs.readers.svg_elements import (
     LENGTH,
     MAX_ELEMENTS,
@@ -29,7 +30,7 @@ from sonar_explore.envs.readers.svg_elements import (
 from sonar_explore.envs.readers.svg_path import Curve, PathSyntaxError, arc, flatten, parse_path
 from sonar_explore.envs.readers.svg_transform import parse_transform, translation
 from sonar_explore.envs.validation import MAX_CYLINDERS, MAX_WALLS
-from sonar_explore.envs.world import ReadOptions, World, read_bytes
+from sonar_explore.envs.world import World
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, Pose
 

@@ -10,8 +10,9 @@ import msgspec
 import numpy as np
 import shapely
 
+from sonar_explore.envs.readers.source import ReadOptions, read_bytes
 from sonar_explore.envs.validation import validate
-from sonar_explore.envs.world import ReadOptions, World, read_bytes
+from sonar_explore.envs.world import World
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, Pose
 

@@ -14,8 +14,9 @@ import numpy as np
 from sonar_explore.agents import make_agent
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.envs.exploration_env import ExplorationEnv
+from sonar_explore.envs.load import load_world
 from sonar_explore.envs.simulator import Simulator
-from sonar_explore.envs.world import World, load_world
+from sonar_explore.envs.world import World
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
 

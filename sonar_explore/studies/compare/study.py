@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import msgspec
 
+from sonar_explore.envs.load import load_world
 from sonar_explore.envs.odometry import noise_preset
-from sonar_explore.envs.world import load_world
 from sonar_explore.episodes.files import writable_folder, write_atomically
 from sonar_explore.studies import progress
 from sonar_explore.studies.compare.jobs import (

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.envs.generator import KINDS
+from sonar_explore.envs.load import load_world
 from sonar_explore.envs.room import Room, loops, room_for
 from sonar_explore.envs.validation import validate
-from sonar_explore.envs.world import GENERATED, World, load_world
+from sonar_explore.envs.world import GENERATED, World
 from sonar_explore.episodes.files import write_atomically
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, Pose

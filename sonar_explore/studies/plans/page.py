@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
+from sonar_explore.envs.load import load_world
 from sonar_explore.envs.plan_picture import draw_plan, save
-from sonar_explore.envs.world import load_world
 from sonar_explore.episodes.record import EpisodeRecord
 from sonar_explore.episodes.scoring import Scorer
 from sonar_explore.mapping.grid import OCCUPIED

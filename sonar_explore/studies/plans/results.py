@@ -12,7 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from sonar_explore.amigobot import AmigoBot
-from sonar_explore.envs.world import load_world
+from sonar_explore.envs.load import load_world
 from sonar_explore.episodes.record import EpisodeRecord, Summary
 from sonar_explore.episodes.scoring import Scorer
 from sonar_explore.mapping.grid import OCCUPIED, GridFrame, Mask

@@ -17,7 +17,8 @@ import numpy as np
 from scipy import ndimage
 
 from sonar_explore.config import ExplorationConfig
-from sonar_explore.envs.world import World, load_world
+from sonar_explore.envs.load import load_world
+from sonar_explore.envs.world import World
 from sonar_explore.episodes.files import write_atomically
 from sonar_explore.episodes.lattice import clearance_on
 from sonar_explore.episodes.scoring import Scorer

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from sonar_explore.config import ExplorationConfig
+from sonar_explore.envs.load import load_world
 from sonar_explore.envs.odometry import noise_preset
-from sonar_explore.envs.world import World, load_world
+from sonar_explore.envs.world import World
 from sonar_explore.geometry import Pose, Segment
 from sonar_explore.slam import Feature, FeatureKind, SlamConfig, make_slam
 from sonar_explore.studies.compare.drives import record_drive

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from sonar_explore.cli import main
+from sonar_explore.envs.load import load_world
 from sonar_explore.envs.room import room_for
-from sonar_explore.envs.world import World, load_world
+from sonar_explore.envs.world import World
 from sonar_explore.episodes.run import run_episode
 from sonar_explore.episodes.scoring import Scorer
 from sonar_explore.geometry import Pose
