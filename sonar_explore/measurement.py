@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -35,6 +35,14 @@ class Scan:
     """Of a ring scan: where the disc of each reading sits on the body, x y [m], heading [rad], shape (n, 3)."""
     others: tuple[Scan, ...] = ()
     """The same turn as the other discs heard it, one scan for each: what the paper throws away."""
+
+    def turned(self, turn_error: float) -> Scan:
+        """The scan with the headings that the robot had if it turned by so much more than it counted, relative."""
+        return replace(
+            self,
+            headings_rad=self.headings_rad * (1.0 + turn_error),
+            others=tuple(other.turned(turn_error) for other in self.others),
+        )
 
     @cached_property
     def discs(self) -> Array:

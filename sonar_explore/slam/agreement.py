@@ -15,14 +15,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import lru_cache
+from operator import attrgetter
 
 import numpy as np
 
-from sonar_explore.compiled import kernel
+from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array, wrap_angle
 from sonar_explore.measurement import Scan
-from sonar_explore.slam.discs import TurnError, agreeing, aside, mean, turn_error
+from sonar_explore.slam.discs import TurnError, adds_to_turn, agreeing
 from sonar_explore.slam.features import (
     Feature,
     FeatureConfig,
@@ -30,8 +32,25 @@ from sonar_explore.slam.features import (
     extract_features,
     tangent,
 )
-from sonar_explore.slam.heard import walls_heard
-from sonar_explore.slam.points import Point, PointConfig, points_of
+from sonar_explore.slam.heard import (
+    ASIDE,
+    BEARING,
+    CORNER,
+    DISC,
+    EDGE,
+    KIND,
+    LENGTH,
+    RANGE,
+    START,
+    SWEEP,
+    WALL,
+    WIDTH,
+    Heard,
+    heard_by_discs,
+    wrapped,
+)
+from sonar_explore.slam.points import Point, PointConfig, points_among
+from sonar_explore.sums import dot, total
 
 
 @dataclass(frozen=True)
@@ -66,113 +85,122 @@ class Extraction:
     """None where nothing was heard by several discs."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Heard:
-    """What passed for a wall with some disc; every array has shape (n,)."""
+def extract(
+    scan: Scan, config: FeatureConfig, agreement: AgreementConfig, turn_error: float = 0.0
+) -> Extraction:
+    """Features of one scan: those that its one disc heard (the paper), or those on which all its discs agree.
 
-    disc: np.ndarray
-    """Which of the discs heard it, counted from the scan's own."""
-    bearing: Array
-    """Of its normal, robot frame at the start of the scan, [rad]."""
-    range: Array
-    """From the robot's centre, [m]."""
-    sweep: Array
-    """How far the robot had turned by then, signed, [rad]."""
-    width: Array
-    """From the first to the last heading that heard it, [rad]."""
-    aside: Array
-    """How far the axis of the disc passes from the turning axis, to its left, [m]."""
-
-    def only(self, rows: Array) -> _Heard:
-        columns = self.disc, self.bearing, self.range, self.sweep, self.width, self.aside
-        return _Heard(*(column[rows] for column in columns))
-
-
-def extract(scan: Scan, config: FeatureConfig, agreement: AgreementConfig) -> Extraction:
-    """Features of one scan: those that its one disc heard (the paper), or those on which all its discs agree."""
-    first = extract_features(scan, config)
+    Args:
+        turn_error: true over counted turn, less one, as far as is known.
+    """
     if not agreement.enabled or not scan.others:
-        return Extraction(first)
-    heard = _heard(scan, first, walls_heard(scan.others, config))
-    things = [_unwrapped(heard.only(rows)) for rows in _things(heard, agreement)]
-    agreed = [_feature(thing, first, config, agreement) for thing in things]
-    walls = [t for t, f in zip(things, agreed, strict=True) if f.kind is FeatureKind.WALL]
-    others = [
-        f
-        for f in first
-        if f.kind is not FeatureKind.WALL
-        and not any(_near(f, a.bearing_rad, a.range_m, agreement) for a in agreed)
-    ]
-    features = tuple(sorted([*agreed, *others], key=lambda feature: feature.bearing_rad))
-    points, swept = points_of(scan, config, agreement.points)
-    turn = turn_error([*((w.sweep, w.bearing) for w in walls), *swept], agreement.noise_rad)
-    return Extraction(features, points, turn)
+        return Extraction(extract_features(scan.turned(turn_error), config))
+    heard = heard_by_discs(scan, config, agreement.points, turn_error)
+    sums = np.zeros(2)
+    features = _agreed(heard, len(scan.ranges_m), scan.bearings_rad, config, agreement, sums)
+    points = points_among(heard.in_front, agreement.points, sums)
+    return Extraction(features, points, TurnError.of(sums, agreement.noise_rad))
 
 
-def _heard(scan: Scan, first: Sequence[Feature], others: Sequence[Array]) -> _Heard:
-    """The walls among the features of the scan's own disc, and those that the others heard."""
-    own = [(f.bearing_rad, f.range_m, f.sweep_rad, f.width_rad) for f in first if f.kind is FeatureKind.WALL]
-    found = [np.array(own, dtype=float).reshape(-1, 4), *others]
-    counts = [len(walls) for walls in found]
-    beside = [aside(disc.pose_sonar_in_robot) for disc in (scan, *scan.others)]
-    bearing, depth, sweep, width = np.ascontiguousarray(np.concatenate(found).T)
-    disc = np.repeat(np.arange(len(found)), counts)
-    return _Heard(disc, bearing, depth, sweep, width, np.repeat(beside, counts))
+def _agreed(
+    heard: Heard, n: int, bearings: Array, config: FeatureConfig, agreement: AgreementConfig, sums: Array
+) -> tuple[Feature, ...]:
+    """What several discs heard, and the corners and edges of the scan's own disc that are none of it, by bearing.
+
+    What the walls say of the turn is added to `sums`.
+    """
+    things, alone = np.empty((len(heard.walls), 9)), np.ones(len(heard.others), dtype=bool)
+    count = _agree(heard.walls, heard.others, _limits(agreement), things, alone, sums)
+    around = range(n - 1, -1, -1) if bearings[-1] < bearings[0] else range(n)
+    rows = [*things[:count].tolist(), *heard.others[alone].tolist()]
+    return tuple(sorted((_feature(row, (*around, *around), config) for row in rows), key=_bearing))
 
 
-def _things(heard: _Heard, config: AgreementConfig) -> list[np.ndarray]:
-    """Rows of each thing that enough discs heard, one row a disc."""
-    distance = np.full((len(heard.disc), len(heard.disc)), np.inf)
-    _compare(heard.bearing, heard.range, config.bearing_rad, config.range_m, distance)
-    return agreeing(distance, heard.disc, heard.bearing, config.discs_min)
+@lru_cache(maxsize=4)
+def _limits(config: AgreementConfig) -> Array:
+    """What is alike, and what is a wall, as the kernel takes it."""
+    return np.array([config.discs_min, config.bearing_rad, config.range_m, config.point_share])
 
 
-@kernel
-def _compare(bearing, depth, bearing_rad, range_m, distance):  # type: ignore[no-untyped-def]
-    """How unlike walls are in bearing and range, where they are alike enough."""
-    for i in range(len(bearing)):
-        for j in range(len(bearing)):
-            off = math.pi - (math.pi - (bearing[i] - bearing[j])) % (2.0 * math.pi)
-            turned, farther = abs(off) / bearing_rad, abs(depth[i] - depth[j]) / range_m
-            if turned <= 1.0 and farther <= 1.0:
-                distance[i, j] = turned + farther
+KINDS = {WALL: FeatureKind.WALL, CORNER: FeatureKind.CORNER, EDGE: FeatureKind.EDGE}
+_bearing = attrgetter("bearing_rad")
 
 
-def _unwrapped(thing: _Heard) -> _Heard:
-    """With bearings that do not jump at half a turn."""
-    bearing = thing.bearing[0] + wrap_angle(thing.bearing - thing.bearing[0])
-    return replace(thing, bearing=bearing)
-
-
-def _feature(
-    thing: _Heard, first: Sequence[Feature], config: FeatureConfig, agreement: AgreementConfig
-) -> Feature:
-    """The wall or the point that all of these heard."""
-    depth = mean(thing.range)
-    beside = thing.aside / depth
-    middle = mean(beside)
-    lever = beside - middle
-    scatter = float(lever @ lever)
-    share = float(lever @ thing.bearing) / scatter if scatter > 1e-9 else 0.0
-    bearing, width = mean(thing.bearing), mean(thing.width)
-    kind = FeatureKind.WALL
-    if abs(share) > agreement.point_share:
-        kind, bearing = FeatureKind.EDGE, bearing - share * middle
-    own = [f for f in first if f.kind is FeatureKind.WALL and _near(f, bearing, depth, agreement)]
+def _feature(row: Sequence[float], around: tuple[int, ...], config: FeatureConfig) -> Feature:
+    """One row of what is heard, the column of the disc being how many discs heard it."""
+    bearing, depth, sweep, width, _, discs, number, start, length = row
+    kind, start = KINDS[int(number)], int(start)
     return Feature(
         kind=kind,
         bearing_rad=wrap_angle(bearing),
         range_m=depth,
         width_rad=width,
         segment=tangent(kind, bearing, depth, width, config),
-        readings=own[0].readings if own else (),
-        sweep_rad=mean(thing.sweep),
-        discs=len(thing.disc),
+        readings=around[start : start + int(length)],
+        sweep_rad=sweep,
+        discs=int(discs),
     )
 
 
-def _near(feature: Feature, bearing: float, depth: float, config: AgreementConfig) -> bool:
-    return (
-        abs(wrap_angle(feature.bearing_rad - bearing)) <= config.bearing_rad
-        and abs(feature.range_m - depth) <= config.range_m
-    )
+@kernel
+def _agree(walls, others, limits, things, alone, sums):  # type: ignore[no-untyped-def]
+    """Walls and points on which enough discs agree, into `things`: how many; `alone` is false for what they are.
+
+    The columns are those of what one disc heard, but for the number of discs in place of the disc's, in both.
+    """
+    n = len(walls)
+    distance, disc = np.full((n, n), np.inf), np.empty(n, dtype=np.int64)
+    for i in range(n):
+        disc[i] = int(walls[i, DISC])
+        for j in range(n):
+            turned = abs(wrapped(walls[i, BEARING] - walls[j, BEARING])) / limits[1]
+            farther = abs(walls[i, RANGE] - walls[j, RANGE]) / limits[2]
+            if turned <= 1.0 and farther <= 1.0:
+                distance[i, j] = turned + farther
+    members, ends = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    count = agreeing(distance, disc, walls[:, BEARING], limits[0], members, ends)
+    for i in range(len(others)):
+        others[i, DISC] = 1
+    for k in range(count):
+        rows, thing = members[(ends[k - 1] if k else 0) : ends[k]], things[k]
+        _thing(walls, rows, limits, thing, sums)
+        thing[START] = thing[LENGTH] = 0.0
+        for i in range(n):
+            if disc[i] == 0 and _near(walls[i], thing, limits):
+                thing[START], thing[LENGTH] = walls[i, START], walls[i, LENGTH]
+                break
+        for i in range(len(others)):
+            alone[i] = alone[i] and not _near(others[i], thing, limits)
+    return count
+
+
+@kernel
+def _thing(walls, rows, limits, thing, sums):  # type: ignore[no-untyped-def]
+    """The wall or the point that the discs of these rows heard."""
+    n = len(rows)
+    bearing, beside, sweep = np.empty(n), np.empty(n), np.empty(n)
+    for k in range(n):
+        sweep[k], beside[k] = walls[rows[k], RANGE], walls[rows[k], WIDTH]
+    depth, thing[WIDTH] = total(sweep) / n, total(beside) / n
+    for k in range(n):
+        wall, first = walls[rows[k]], walls[rows[0], BEARING]
+        bearing[k] = first + wrapped(wall[BEARING] - first)  # does not jump at half a turn
+        beside[k], sweep[k] = wall[ASIDE] / depth, wall[SWEEP]
+    middle = total(beside) / n
+    thing[BEARING], thing[RANGE], thing[SWEEP] = total(bearing) / n, depth, total(sweep) / n
+    thing[KIND], thing[DISC], thing[ASIDE] = WALL, n, middle
+    for k in range(n):
+        beside[k] -= middle
+    scatter = dot(beside, beside)
+    share = dot(beside, bearing) / scatter if scatter > 1e-9 else 0.0
+    if abs(share) > limits[3]:
+        thing[KIND] = EDGE
+        thing[BEARING] -= share * middle
+    else:
+        adds_to_turn(sweep, bearing, sums)
+
+
+@inner_kernel
+def _near(one, other, limits):  # type: ignore[no-untyped-def]
+    turned = abs(wrapped(one[BEARING] - other[BEARING]))
+    return turned <= limits[1] and abs(one[RANGE] - other[RANGE]) <= limits[2]

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array, Pose
+from sonar_explore.sums import dot, total
+
+PULL, WEIGHT = range(2)
+"""Of the turn's error, as what several discs heard adds to them."""
 
 
 @dataclass(frozen=True)
@@ -23,20 +25,16 @@ class TurnError:
     sigma: float
     """Its standard deviation, relative as well."""
 
+    @classmethod
+    def of(cls, sums: Array, noise_rad: float) -> TurnError | None:
+        """Least squares over what several discs heard: each has one bearing, less the error times the turn by then.
 
-def turn_error(heard: Sequence[tuple[Array, Array]], noise_rad: float) -> TurnError | None:
-    """Least squares over what several discs heard: each has one bearing, less the error times the turn by then.
-
-    Args:
-        heard: how far the robot had turned when each disc heard it, and at what bearing, shape (n,) both, [rad].
-        noise_rad: standard deviation of one disc's bearing, [rad].
-    """
-    swept = [sweep - mean(sweep) for sweep, _ in heard]
-    pull = sum(float(sweep @ bearing) for sweep, (_, bearing) in zip(swept, heard, strict=True))
-    weight = sum(float((sweep**2).sum()) for sweep in swept)
-    if weight <= 0.0:
-        return None
-    return TurnError(-pull / weight, noise_rad / math.sqrt(weight))
+        Args:
+            sums: what `adds_to_turn` added up, shape (2,).
+            noise_rad: standard deviation of one disc's bearing, [rad].
+        """
+        pull, weight = sums.tolist()
+        return cls(-pull / weight, noise_rad / math.sqrt(weight)) if weight > 0.0 else None
 
 
 @cache
@@ -45,36 +43,39 @@ def aside(mount: Pose) -> float:
     return mount.y * math.cos(mount.heading) - mount.x * math.sin(mount.heading)
 
 
-def agreeing(distance: Array, disc: NDArray[np.int64], order: Array, least: int) -> list[np.ndarray]:
-    """Rows of each thing that enough discs heard, one row a disc: what most discs heard first, then the closest.
-
-    Args:
-        distance: between what was heard, inf where it cannot be one thing, shape (n, n); is used up.
-        disc: which one heard it, rising, shape (n,).
-        order: decides between equals, the least first, shape (n,).
-        least: how many discs must agree.
-    """
-    n = len(disc)
-    members, ends = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
-    count = _group(distance, disc, order, least, members, ends)
-    return np.split(members[: ends[count - 1]], ends[: count - 1]) if count else []
+@inner_kernel
+def adds_to_turn(sweep, bearing, sums):  # type: ignore[no-untyped-def]
+    """One thing: how far the robot had turned when each disc heard it, and at what bearing; uses up `sweep`."""
+    middle = total(sweep) / len(sweep)
+    for i in range(len(sweep)):
+        sweep[i] -= middle
+    sums[PULL] += dot(sweep, bearing)
+    for i in range(len(sweep)):
+        sweep[i] *= sweep[i]
+    sums[WEIGHT] += total(sweep)
 
 
 @kernel
-def _group(distance, disc, order, least_discs, members, ends):  # type: ignore[no-untyped-def]
-    """The rows of one thing after the other into `members`, where each one's end into `ends`; how many things."""
+def agreeing(distance, disc, order, least_discs, members, ends):  # type: ignore[no-untyped-def]
+    """Rows of each thing that enough discs heard, one row a disc: what most discs heard first, then the closest.
+
+    One thing after the other into `members`, where each one's rows end into `ends`; how many things. `distance` is inf
+    where two rows cannot be one thing, and is used up; `disc` rises; of equals the least in `order` comes first.
+    """
     n = len(disc)
     discs = disc[n - 1] + 1 if n else 0
     nearest, best = np.empty(discs, dtype=np.int64), np.empty(discs, dtype=np.int64)
+    count, spread, known = np.empty(n, dtype=np.int64), np.empty(n), np.zeros(n, dtype=np.bool_)
     things = used = 0
     while True:
         most, least, seed = 0, np.inf, -1
         for i in range(n):
-            count, spread = _nearest(distance[i], disc, nearest)
-            spread = np.rint(spread * 1e9) / 1e9
-            closer = seed < 0 or spread < least or (spread == least and order[i] < order[seed])
-            if count > most or (count == most and closer):
-                most, least, seed = count, spread, i
+            if not known[i]:
+                count[i], spread[i] = _nearest(distance[i], disc, nearest)
+                known[i] = True
+            closer = seed < 0 or spread[i] < least or (spread[i] == least and order[i] < order[seed])
+            if count[i] > most or (count[i] == most and closer):
+                most, least, seed = count[i], spread[i], i
         if seed < 0 or most < least_discs:
             return things
         _nearest(distance[seed], disc, best)
@@ -83,6 +84,7 @@ def _group(distance, disc, order, least_discs, members, ends):  # type: ignore[n
                 members[used] = best[k]
                 used += 1
                 for i in range(n):
+                    known[i] = known[i] and distance[i, best[k]] == np.inf
                     distance[best[k], i] = distance[i, best[k]] = np.inf
         ends[things] = used
         things += 1
@@ -102,9 +104,4 @@ def _nearest(distance, disc, nearest):  # type: ignore[no-untyped-def]
         if nearest[k] >= 0:
             count += 1
             spread += distance[nearest[k]]
-    return count, spread
-
-
-def mean(values: Array) -> float:
-    """`values.mean()`, without its overhead."""
-    return float(np.add.reduce(values)) / len(values)
+    return count, np.rint(spread * 1e9) / 1e9

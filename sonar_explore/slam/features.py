@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from sonar_explore.beam import Beam
@@ -50,11 +50,15 @@ class Feature:
 
     def turned(self, angle_rad: float) -> Feature:
         """The same feature at another bearing."""
-        about = Pose(0.0, 0.0, angle_rad)
-        return replace(
-            self,
-            bearing_rad=wrap_angle(self.bearing_rad + angle_rad),
-            segment=self.segment.transformed(about),
+        return Feature(
+            self.kind,
+            wrap_angle(self.bearing_rad + angle_rad),
+            self.range_m,
+            self.width_rad,
+            self.segment.transformed(Pose(0.0, 0.0, angle_rad)),
+            self.readings,
+            self.sweep_rad,
+            self.discs,
         )
 
 

@@ -1,47 +1,85 @@
-"""What passes for a wall with each of several discs, in one kernel: the arithmetic of `features`, without the objects.
+"""What the discs of one turn heard, all of them in one kernel: the arithmetic of `features`, without the objects.
 
-`features.extract_features` is the readable form; the tests compare the walls of both to the last bit.
+`features.extract_features` is the readable form; the tests compare what both find to the last bit.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from sonar_explore.compiled import inner_kernel, kernel
-from sonar_explore.geometry import Array
+from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
+from sonar_explore.slam.discs import aside
 from sonar_explore.slam.ends import SLACK_RAD
 from sonar_explore.slam.features import ANGLE_SLACK_RAD, ASIDE_M, FeatureConfig
+from sonar_explore.slam.points import PointConfig, in_front
 from sonar_explore.slam.rcd import TIE_DECIMALS, all_ranges, check_scan, nth, one_way_round, regions
 
 FIRST, LAST, DEPTH, ECHO = range(4)  # columns of a region
-BEARING, RANGE, SWEEP, WIDTH = range(4)  # columns of a wall
+BEARING, RANGE, SWEEP, WIDTH, ASIDE, DISC, KIND, START, LENGTH = range(9)  # columns of what is heard
+WALL, CORNER, EDGE = range(3)
 
 
-def walls_heard(scans: Sequence[Scan], config: FeatureConfig) -> list[Array]:
-    """Walls that each disc heard, by bearing: bearing [rad], range [m], how far the robot had turned [rad], width
-    [rad]; shape (n, 4) each."""
-    limits = _limits(config)
-    return [_walls_of(scan, limits) for scan in scans]
+@dataclass(frozen=True, eq=False)
+class Heard:
+    """What each disc heard, row by row, the discs in order; the scan's own is number 0.
+
+    Columns: bearing of the normal [rad], range [m], how far the robot had turned [rad], width [rad], how far the axis
+    of the disc passes from the turning axis [m], number of the disc, kind, and where its readings begin,
+    counter-clockwise, and how many they are.
+    """
+
+    walls: Array
+    """Of every disc, by bearing, shape (n, 9)."""
+    others: Array
+    """Corners and edges that the scan's own disc heard, shape (m, 9)."""
+    in_front: Array
+    """What each disc heard in front of all beside it, shape (k, 5): see `points.in_front`."""
 
 
-def _walls_of(scan: Scan, limits: Array) -> Array:
-    ranges, headings = np.asarray(scan.ranges_m, dtype=float), np.asarray(scan.headings_rad, dtype=float)
-    if headings.ndim != 1 or headings.shape != ranges.shape or headings.size < 3:
-        check_scan(scan)
-    walls = np.empty((len(ranges), 4))
-    count = _walls(scan.bearings_rad, headings, ranges, *scan.levers, scan.range_max_m, limits, walls)
-    if count < 0:
-        check_scan(scan)
-    return walls[:count]
+def heard_by_discs(scan: Scan, config: FeatureConfig, points: PointConfig, turn_error: float = 0.0) -> Heard:
+    """What the disc of the scan and the others heard; the robot turned by so much more than it counted, relative."""
+    scans = (scan, *scan.others)
+    counts = tuple(len(disc.ranges_m) for disc in scans)
+    if any(np.shape(disc.headings_rad) != (n,) or n < 3 for disc, n in zip(scans, counts, strict=True)):
+        _complain(scans)
+    levers, mounts = _mounted(tuple(disc.pose_sonar_in_robot for disc in scans), counts)
+    if any(disc.ring is not None for disc in scans):
+        levers = np.concatenate([[*disc.levers, disc.discs[:, 2]] for disc in scans], axis=1)
+    headings = np.concatenate([disc.headings_rad for disc in scans]) * (1.0 + turn_error)
+    ranges = np.concatenate([disc.ranges_m for disc in scans], dtype=float)
+    size = len(ranges)
+    walls, others, found = np.empty((size, 9)), np.empty((counts[0], 9)), np.empty((size, 5))
+    ends, limits, sizes = np.cumsum(counts), _limits(config, points), np.empty(3, dtype=np.int64)
+    range_max = np.array([disc.range_max_m for disc in scans])
+    if not _hear(headings, ranges, levers, ends, mounts, range_max, limits, walls, others, found, sizes):
+        _complain(scans)
+    n, m, k = sizes.tolist()
+    return Heard(walls[:n], others[:m], found[:k])
+
+
+def _complain(scans: Sequence[Scan]) -> None:
+    """Say what is wrong with the first scan that is none."""
+    for disc in scans:
+        check_scan(disc)
 
 
 @lru_cache(maxsize=4)
-def _limits(config: FeatureConfig) -> Array:
+def _mounted(mounts: tuple[Pose, ...], counts: tuple[int, ...]) -> tuple[Array, Array]:
+    """Lever of each reading, its direction and that of the beam, shape (3, n); x y heading aside of each disc."""
+    discs = np.array([(mount.x, mount.y, mount.heading, aside(mount)) for mount in mounts])
+    x, y, heading = discs[:, :3].T
+    return np.repeat([np.hypot(x, y), np.arctan2(y, x) - heading, heading], counts, axis=1), discs
+
+
+@lru_cache(maxsize=4)
+def _limits(config: FeatureConfig, points: PointConfig) -> Array:
     """What passes for what, as the kernel takes it."""
     beam = config.beam
     return np.array(
@@ -62,60 +100,94 @@ def _limits(config: FeatureConfig) -> Array:
             config.corner_right_angle_rad,
             config.corner_range_m,
             config.corner_bearing_rad,
+            config.edge_width_min_rad - ANGLE_SLACK_RAD,
+            points.width_min_rad,
+            points.width_max_rad,
+            points.in_front_m,
         ],
         dtype=float,
     )
 
 
 @kernel
-def _walls(bearings, headings, ranges, lever_m, lever_rad, range_max, limits, walls):  # type: ignore[no-untyped-def]
-    """Walls of one disc into `walls`: how many; -1 for what is no scan."""
-    n = len(ranges)
-    if not all_ranges(ranges) or not one_way_round(headings, bearings):
-        return -1
-    rows, runs = np.empty((n, 4)), np.empty((n, 2), dtype=np.int64)
-    count = regions(bearings, ranges, lever_m, lever_rad, range_max, limits[0], limits[1], rows, runs)
-    kept = np.int64(0)  # a plain 0 is a constant: what it is handed to would be compiled twice
-    for k in range(count):
-        wide = rows[k, LAST] - rows[k, FIRST] >= limits[4]
-        if limits[2] <= rows[k, ECHO] <= limits[3] and wide:
-            _move(rows, runs, k, kept)
-            kept += 1
-    plateau = np.empty(kept, dtype=np.bool_)
-    for k in range(kept):
-        plateau[k] = _is_plateau(rows, runs, k, kept, n, limits)
-    count = np.int64(0)
-    step = _usual_step(bearings)
-    for k in range(kept):
-        if plateau[k] and _like_a_plane(rows, runs, k, bearings, ranges, step, limits):
-            _move(rows, runs, k, count)
-            count += 1
-    found = 0
-    for k in range(count):
-        if not _is_corner(rows, k, count, limits):
-            bearing = 0.5 * (rows[k, FIRST] + rows[k, LAST])
-            at = found
-            bearing = _wrapped(bearing)
-            while at > 0 and walls[at - 1, BEARING] > bearing:
-                for column in range(4):
-                    walls[at, column] = walls[at - 1, column]
-                at -= 1
-            walls[at, BEARING], walls[at, RANGE] = bearing, rows[k, DEPTH]
-            walls[at, SWEEP] = _mean(headings, bearings, runs[k, 0], runs[k, 1])
-            walls[at, WIDTH] = rows[k, LAST] - rows[k, FIRST]
-            found += 1
-    return found
+def _hear(headings, ranges, levers, ends, mounts, range_max, limits, walls, others, found, sizes):  # type: ignore[no-untyped-def]
+    """Walls, the first disc's other features, what is in front, and how many they are; False for what is no scan."""
+    sizes[:] = 0
+    begin = np.int64(0)  # a plain 0 is a constant: what it is handed to would be compiled twice
+    for disc in range(len(ends)):
+        end = ends[disc]
+        heading, ping = headings[begin:end], ranges[begin:end]
+        n, bearings = len(ping), heading + levers[2][begin:end]
+        if not all_ranges(ping) or not one_way_round(heading, bearings):
+            return False
+        rows, runs, kinds = np.empty((n, 4)), np.empty((n, 2), dtype=np.int64), np.empty(n, dtype=np.int64)
+        lever_m, lever_rad = levers[0][begin:end], levers[1][begin:end]
+        count = regions(bearings, ping, lever_m, lever_rad, range_max[disc], limits[0], limits[1], rows, runs)
+        sizes[2] = in_front(
+            bearings, heading, ping, rows, runs, count, disc, mounts[disc], limits, found, sizes[2]
+        )
+        _classify(rows, runs, kinds, count, bearings, ping, limits)
+        first = sizes[0]
+        for k in range(count):
+            if kinds[k] == WALL:
+                _note(walls, first, sizes[0], rows, runs, k, WALL, heading, bearings, disc, mounts)
+                sizes[0] += 1
+            elif kinds[k] >= 0 and disc == 0:
+                _note(others, sizes[1], sizes[1], rows, runs, k, kinds[k], heading, bearings, disc, mounts)
+                sizes[1] += 1
+        begin = end
+    return True
 
 
 @inner_kernel
-def _move(rows, runs, k, to):  # type: ignore[no-untyped-def]
-    for column in range(4):
-        rows[to, column] = rows[k, column]
-    runs[to, 0], runs[to, 1] = runs[k, 0], runs[k, 1]
+def _note(out, first, at, rows, runs, k, kind, headings, bearings, disc, mounts):  # type: ignore[no-untyped-def]
+    """What region k is heard as, among the rows from `first` to `at`, by bearing."""
+    bearing = wrapped(0.5 * (rows[k, FIRST] + rows[k, LAST]))
+    while at > first and out[at - 1, BEARING] > bearing:
+        for column in range(9):
+            out[at, column] = out[at - 1, column]
+        at -= 1
+    out[at, BEARING], out[at, RANGE] = bearing, rows[k, DEPTH]
+    out[at, SWEEP] = _mean(headings, bearings, runs[k, 0], runs[k, 1])
+    out[at, WIDTH] = rows[k, LAST] - rows[k, FIRST]
+    out[at, ASIDE], out[at, DISC], out[at, KIND] = mounts[disc, 3], disc, kind
+    out[at, START], out[at, LENGTH] = runs[k, 0], runs[k, 1]
+
+
+@kernel
+def _classify(rows, runs, kinds, count, bearings, ranges, limits):  # type: ignore[no-untyped-def]
+    """What each region is heard as, -1 for nothing; ends that something hides are put where they would be."""
+    n, step = len(ranges), _usual_step(bearings)
+    heard, wide = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
+    plateau = np.empty(count, dtype=np.bool_)
+    for k in range(count):
+        heard[k] = limits[2] <= rows[k, ECHO] <= limits[3]
+        wide[k] = heard[k] and rows[k, LAST] - rows[k, FIRST] >= limits[4]
+    for k in range(count):
+        plateau[k] = wide[k] and _is_plateau(rows, runs, k, wide, n, limits)
+    for k in range(count):
+        plateau[k] = plateau[k] and _like_a_plane(rows, runs, k, bearings, ranges, step, limits)
+    for k in range(count):
+        kinds[k] = -1
+        if plateau[k]:
+            kinds[k] = CORNER if _is_corner(rows, k, plateau, limits) else WALL
+        elif heard[k] and _is_edge(rows, runs, k, bearings, ranges, limits):
+            kinds[k] = EDGE
 
 
 @inner_kernel
-def _wrapped(angle):  # type: ignore[no-untyped-def]
+def _is_edge(rows, runs, k, bearings, ranges, limits):  # type: ignore[no-untyped-def]
+    """`features._is_edge`."""
+    if rows[k, LAST] - rows[k, FIRST] < limits[16]:
+        return False
+    before = ranges[_reading(bearings, runs[k, 0] - 1 + len(ranges))]
+    after = ranges[_reading(bearings, runs[k, 0] + runs[k, 1])]
+    return max(before, after) - rows[k, ECHO] >= limits[6]
+
+
+@inner_kernel
+def wrapped(angle):  # type: ignore[no-untyped-def]
+    """`geometry.wrap_angle`."""
     return math.pi - (math.pi - angle) % (2.0 * math.pi)
 
 
@@ -146,14 +218,18 @@ def _mean(headings, bearings, start, length):  # type: ignore[no-untyped-def]
 
 
 @inner_kernel
-def _is_plateau(rows, runs, k, count, n, limits):  # type: ignore[no-untyped-def]
+def _is_plateau(rows, runs, k, wide, n, limits):  # type: ignore[no-untyped-def]
     """`features._is_plateau`."""
     if rows[k, LAST] - rows[k, FIRST] > limits[5]:
         return False
     before, after = (runs[k, 0] - 1) % n, (runs[k, 0] + runs[k, 1]) % n
-    for other in range(count):
+    for other in range(len(wide)):
         ends, begins = (runs[other, 0] + runs[other, 1] - 1) % n, runs[other, 0] % n
-        if (ends == before or begins == after) and 0.0 < rows[k, DEPTH] - rows[other, DEPTH] < limits[6]:
+        if (
+            wide[other]
+            and (ends == before or begins == after)
+            and 0.0 < rows[k, DEPTH] - rows[other, DEPTH] < limits[6]
+        ):
             return False
     return True
 
@@ -190,26 +266,26 @@ def _like_a_plane(rows, runs, k, bearings, ranges, step, limits):  # type: ignor
 
 
 @inner_kernel
-def _is_corner(rows, k, count, limits):  # type: ignore[no-untyped-def]
+def _is_corner(rows, k, plateau, limits):  # type: ignore[no-untyped-def]
     """`features._is_corner`."""
     depth, bearing = rows[k, DEPTH], 0.5 * (rows[k, FIRST] + rows[k, LAST])
-    for i in range(count):
+    for i in range(len(plateau)):
         first, first_bearing = rows[i, DEPTH], 0.5 * (rows[i, FIRST] + rows[i, LAST])
-        if not first < depth:
+        if not (plateau[i] and first < depth):
             continue
         apart = bearing - first_bearing
         off = abs(depth * math.cos(apart) - first)
         aside = depth * abs(math.sin(apart))
         if limits[11] and math.cos(apart) > 0.0 and aside > ASIDE_M and off <= limits[12]:
             return True
-        for j in range(count):
+        for j in range(len(plateau)):
             second, second_bearing = rows[j, DEPTH], 0.5 * (rows[j, FIRST] + rows[j, LAST])
-            if not second < depth:
+            if not (plateau[j] and second < depth):
                 continue
-            if abs(_wrapped(second_bearing - first_bearing) - math.pi / 2) > limits[13]:
+            if abs(wrapped(second_bearing - first_bearing) - math.pi / 2) > limits[13]:
                 continue
             meets = first_bearing + math.atan2(second, first)
             far = abs(math.hypot(first, second) - depth)
-            if far <= limits[14] and abs(_wrapped(bearing - meets)) <= limits[15]:
+            if far <= limits[14] and abs(wrapped(bearing - meets)) <= limits[15]:
                 return True
     return False

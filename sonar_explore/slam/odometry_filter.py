@@ -12,14 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonar_explore.compiled import lean_kernel
 from sonar_explore.geometry import Array, Pose
-from sonar_explore.measurement import Scan
 from sonar_explore.slam.discs import TurnError
 from sonar_explore.slam.motion import own_part
 from sonar_explore.slam.residuals import Residuals
@@ -121,16 +120,6 @@ class OdometryFilter:
             found.append(self.moved(found[-1], before, here))
             before = here
         return found[1:]
-
-    def unsmeared(self, scan: Scan) -> Scan:
-        """The scan with the headings that the robot truly had, as far as is known."""
-        if not self.config.enabled:
-            return scan
-        return replace(
-            scan,
-            headings_rad=scan.headings_rad * (1.0 + self.turn_error),
-            others=tuple(self.unsmeared(other) for other in scan.others),
-        )
 
     def begin_scan(self, turn_rad: float) -> None:
         """The robot turned by so much, by its odometry, while it took the scan at hand: signed, [rad]."""

@@ -14,12 +14,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from sonar_explore.compiled import kernel
-from sonar_explore.geometry import Array, Pose, wrap_angle
-from sonar_explore.measurement import Scan
-from sonar_explore.slam.discs import agreeing, aside
-from sonar_explore.slam.features import FeatureConfig
-from sonar_explore.slam.rcd import TIE_DECIMALS, check_scan, regions
+from sonar_explore.compiled import inner_kernel, kernel
+from sonar_explore.geometry import Array, Pose
+from sonar_explore.slam.discs import adds_to_turn, agreeing
+from sonar_explore.sums import dot, fma, hypot, total
 
 
 @dataclass(frozen=True)
@@ -61,100 +59,89 @@ class Point:
         return pose.x + self.range_m * math.cos(angle), pose.y + self.range_m * math.sin(angle)
 
 
-def points_of(
-    scan: Scan, features: FeatureConfig, config: PointConfig
-) -> tuple[tuple[Point, ...], list[tuple[Array, Array]]]:
-    """The points of one scan; none where only one disc was recorded.
+def points_among(in_front: Array, config: PointConfig, sums: Array) -> tuple[Point, ...]:
+    """The points of one turn; what they say of the turn is added to `sums` (`discs.TurnError.of`).
 
-    Returns:
-        The points; and for each of them how far the robot had turned when each disc heard it, and at what bearing, less
-        the mean, [rad].
+    Args:
+        in_front: what each disc heard in front of all beside it, the discs in order, shape (n, 5).
     """
-    if not scan.others:
-        return (), []
-    heard = np.vstack([_echoes(k, disc, features, config) for k, disc in enumerate((scan, *scan.others))])
-    off = np.hypot(*(heard[:, None, 1:3] - heard[None, :, 1:3]).transpose(2, 0, 1))
-    apart = np.where(off <= config.together_m, off, np.inf)
-    things = agreeing(apart, heard[:, 0].astype(np.int64), heard[:, 3], config.discs_min)
-    found = [(_agreed(heard[members], config), heard[members]) for members in things]
-    points = tuple(point for point, _ in found if point is not None)
-    return points, [_swept(point, rows) for point, rows in found if point is not None]
+    found = np.empty((len(in_front), 4))
+    count = _agreed(in_front, np.arctan2(in_front[:, 2], in_front[:, 1]), _limits(config), found, sums)
+    return tuple(
+        Point(bearing, depth, sweep, int(discs)) for bearing, depth, sweep, discs in found[:count].tolist()
+    )
 
 
-def _swept(point: Point, heard: Array) -> tuple[Array, Array]:
-    """How far the robot had turned when each disc heard it, and the bearing at which it did, less the mean, [rad]."""
-    bearing = np.arctan2(heard[:, 2], heard[:, 1]) - point.bearing_rad
-    return heard[:, 3], wrap_angle(bearing)
+@lru_cache(maxsize=4)
+def _limits(config: PointConfig) -> Array:
+    """What counts as one point, as the kernel takes it."""
+    return np.array([config.discs_min, config.together_m, config.near_m, config.plane_share])
 
 
-def _echoes(number: int, scan: Scan, features: FeatureConfig, config: PointConfig) -> Array:
-    """What one disc heard in front of all beside it, shape (n, 5).
+@inner_kernel
+def in_front(bearings, headings, ranges, rows, runs, count, disc, mount, limits, out, found):  # type: ignore[no-untyped-def]
+    """What one disc heard in front of all beside it, into `out` from row `found` on: how many rows there are then.
 
     The number of the disc; x y of what it heard in the middle of each region [m]; how far the robot had turned by then
     [rad]; and how far the axis of the disc passes from the turning axis [m].
     """
-    check_scan(scan)
-    mount, limits = scan.pose_sonar_in_robot, _limits(features, config)
-    disc = np.array([mount.x, mount.y, mount.heading, aside(mount), number])
-    headings, ranges = np.asarray(scan.headings_rad, dtype=float), np.asarray(scan.ranges_m, dtype=float)
-    out = np.empty((len(ranges), 5))
-    return out[
-        : _in_front(scan.bearings_rad, headings, ranges, *scan.levers, scan.range_max_m, disc, limits, out)
-    ]
-
-
-@lru_cache(maxsize=4)
-def _limits(features: FeatureConfig, config: PointConfig) -> Array:
-    """What counts as a point, as the kernel takes it."""
-    return np.array(
-        [
-            features.tolerance_m,
-            10.0**TIE_DECIMALS,
-            features.range_min_m,
-            features.range_max_m,
-            config.width_min_rad,
-            config.width_max_rad,
-            config.in_front_m,
-        ]
-    )
-
-
-@kernel
-def _in_front(bearings, headings, ranges, lever_m, lever_rad, range_max, disc, limits, out):  # type: ignore[no-untyped-def]
-    """Rows of `_echoes` into `out`: how many."""
     n, clockwise = len(ranges), bearings[-1] < bearings[0]
-    rows, runs = np.empty((n, 4)), np.empty((n, 2), dtype=np.int64)
-    count = regions(bearings, ranges, lever_m, lever_rad, range_max, limits[0], limits[1], rows, runs)
-    found = 0
     for k in range(count):
         width, echo = rows[k, 1] - rows[k, 0], rows[k, 3]
-        if not (limits[4] <= width <= limits[5] and limits[2] <= echo <= limits[3]):
+        if not (limits[17] <= width <= limits[18] and limits[2] <= echo <= limits[3]):
             continue
         first, last = runs[k, 0] % n, (runs[k, 0] + runs[k, 1] - 1) % n
         before, after = (first - 1) % n, (last + 1) % n
         if clockwise:
             first, last, before, after = n - 1 - first, n - 1 - last, n - 1 - before, n - 1 - after
-        if min(ranges[before], ranges[after]) < echo + limits[6]:
+        if min(ranges[before], ranges[after]) < echo + limits[19]:
             continue
         beam = 0.5 * (rows[k, 0] + rows[k, 1])
-        c, s = math.cos(beam - disc[2]), math.sin(beam - disc[2])
-        out[found, 0] = disc[4]
-        out[found, 1] = c * disc[0] - s * disc[1] + echo * math.cos(beam)
-        out[found, 2] = s * disc[0] + c * disc[1] + echo * math.sin(beam)
+        c, s = math.cos(beam - mount[2]), math.sin(beam - mount[2])
+        out[found, 0] = disc
+        out[found, 1] = c * mount[0] - s * mount[1] + echo * math.cos(beam)
+        out[found, 2] = s * mount[0] + c * mount[1] + echo * math.sin(beam)
         out[found, 3] = 0.5 * (headings[first] + headings[last])
-        out[found, 4] = disc[3]
+        out[found, 4] = mount[3]
         found += 1
     return found
 
 
-def _agreed(heard: Array, config: PointConfig) -> Point | None:
-    """The point that these heard, one row a disc; None where it is a plane's foot instead."""
-    places, turned, beside = heard[:, 1:3], heard[:, 3], heard[:, 4]
-    x, y = places.mean(axis=0)
-    depth = math.hypot(x, y)
-    along = (places - (x, y)) @ np.array([-y, x]) / depth
-    lever = beside - beside.mean()
-    scatter = float(lever @ lever)
-    if depth < config.near_m or (scatter > 1e-9 and abs(float(lever @ along)) > config.plane_share * scatter):
-        return None
-    return Point(math.atan2(y, x), depth, float(turned.mean()), len(heard))
+@kernel
+def _agreed(heard, bearings, limits, points, sums):  # type: ignore[no-untyped-def]
+    """Bearing, range, sweep and discs of each point into `points`: how many; what enough discs heard, one row a disc,
+    is one where it is no plane's foot."""
+    n = len(heard)
+    distance, disc = np.full((n, n), np.inf), np.empty(n, dtype=np.int64)
+    for i in range(n):
+        disc[i] = int(heard[i, 0])
+        for j in range(n):
+            off = math.hypot(heard[i, 1] - heard[j, 1], heard[i, 2] - heard[j, 2])
+            if off <= limits[1]:
+                distance[i, j] = off
+    members, ends = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    count = 0
+    for thing in range(agreeing(distance, disc, heard[:, 3], limits[0], members, ends)):
+        rows = members[(ends[thing - 1] if thing else 0) : ends[thing]]
+        x = y = 0.0
+        for i in rows:
+            x, y = x + heard[i, 1], y + heard[i, 2]
+        x, y = x / len(rows), y / len(rows)
+        depth, bearing = hypot(x, y), math.atan2(y, x)
+        lever, sweep = np.empty(len(rows)), np.empty(len(rows))
+        for k in range(len(rows)):
+            lever[k], sweep[k] = heard[rows[k], 4], heard[rows[k], 3]
+        middle, along = total(lever) / len(rows), np.empty(len(rows))
+        for k in range(len(rows)):
+            lever[k] -= middle
+            along[k] = fma(heard[rows[k], 1] - x, -y, (heard[rows[k], 2] - y) * x) / depth
+        scatter = dot(lever, lever)
+        if depth < limits[2] or (scatter > 1e-9 and abs(dot(lever, along)) > limits[3] * scatter):
+            continue
+        for k in range(len(rows)):
+            along[k] = math.pi - (math.pi - (bearings[rows[k]] - bearing)) % (2.0 * math.pi)
+        points[count, 0], points[count, 1] = bearing, depth
+        points[count, 2], points[count, 3] = total(sweep) / len(rows), len(rows)
+        adds_to_turn(sweep, along, sums)
+        count += 1
+    return count

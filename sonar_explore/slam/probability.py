@@ -10,7 +10,6 @@ import numpy as np
 
 from sonar_explore.geometry import Array
 from sonar_explore.slam.association import Association
-from sonar_explore.slam.discs import mean
 
 DOOR_WIDTH_M = 0.80  # d_w of figure 10(a); the value is READING's
 DISTANCE_ZERO_M = 0.50  # figure 10(a)
@@ -51,11 +50,16 @@ def _largest_window(rising: Array, half_width: float) -> tuple[int, int]:
         fitting = [
             (round(ends[i + length - 1] - ends[i], 12), i)
             for i in range(len(ends) - length + 1)
-            if _reach(ends[i], ends[i + length - 1], mean(rising[i : i + length])) <= half_width
+            if _reach(ends[i], ends[i + length - 1], _mean(rising[i : i + length])) <= half_width
         ]
         if fitting:
             return min(fitting)[1], length
     return 0, 1
+
+
+def _mean(values: Array) -> float:
+    """`values.mean()`, without its overhead."""
+    return float(np.add.reduce(values)) / len(values)
 
 
 def _reach(least: float, most: float, middle: float) -> float:
@@ -84,7 +88,7 @@ def association_probabilities(
     p_dist = p_distance([association.end_gap_m for association in kept], config).tolist()
     for group in clusters(adr_rad, config.cluster_half_width_rad):
         p_cluster = len(group) / len(kept)  # equation (1)
-        middle = mean(adr_rad[list(group)])
+        middle = _mean(adr_rad[list(group)])
         for i in group:
             p_ang = p_angle(off[i] - middle, config)
             probabilities[i] = 1.0 - (1.0 - p_cluster) * (1.0 - p_dist[i]) * (1.0 - p_ang)

@@ -195,8 +195,8 @@ def _depth(bearings, ranges, lever_m, lever_rad, start, length, k):  # type: ign
 
 
 @inner_kernel
-def _sorted_depths(bearings, ranges, lever_m, lever_rad, start, length, rising):  # type: ignore[no-untyped-def]
-    """Depths of the readings of a run, rising, into `rising`."""
+def _sorted_depths(bearings, ranges, lever_m, lever_rad, start, length, most, rising):  # type: ignore[no-untyped-def]
+    """Depths of the readings of a run, rising, into `rising`; False where they are farther apart than `most`."""
     for k in range(length):
         depth = _depth(bearings, ranges, lever_m, lever_rad, start, length, k)
         at = k
@@ -204,6 +204,9 @@ def _sorted_depths(bearings, ranges, lever_m, lever_rad, start, length, rising):
             rising[at] = rising[at - 1]
             at -= 1
         rising[at] = depth
+        if rising[k] - rising[0] > most:
+            return False
+    return True
 
 
 @inner_kernel
@@ -215,7 +218,8 @@ def _middle(rising, length):  # type: ignore[no-untyped-def]
 def _constant_runs(bearings, ranges, lever_m, lever_rad, joined, tolerance, tie, rows):  # type: ignore[no-untyped-def]
     """(start, length, spread, median) of each constant run, the shortest first, into `rows`: how many.
 
-    Ends at a length that none has; spreads and medians are rounded, `tie` steps to the metre.
+    Ends at a length that none has. Readings of one disc whose ranges differ by more than twice the tolerance, and what
+    its lever can make of it over the run, are not looked at. Spreads and medians are rounded, `tie` steps to the metre.
     """
     n = len(ranges) // 2
     together = np.empty(n, dtype=np.int64)  # readings from each start on that follow one another
@@ -224,6 +228,10 @@ def _constant_runs(bearings, ranges, lever_m, lever_rad, joined, tolerance, tie,
         while k < n and joined[start + k - 1]:
             k += 1
         together[start] = k
+    low, high = ranges[:n].copy(), ranges[:n].copy()  # of the readings of each run
+    most, swing, one_disc = 2.0 * tolerance + 1e-9, 2.0 * lever_m.max(), True
+    for i in range(1, n):
+        one_disc = one_disc and lever_m[i] == lever_m[0] and lever_rad[i] == lever_rad[0]
     rising = np.empty(n)
     count = 0
     for length in range(2, n + 1):
@@ -231,7 +239,13 @@ def _constant_runs(bearings, ranges, lever_m, lever_rad, joined, tolerance, tie,
         for start in range(n):
             if together[start] < length:
                 continue
-            _sorted_depths(bearings, ranges, lever_m, lever_rad, start, length, rising)
+            last = start + length - 1
+            low[start], high[start] = min(low[start], ranges[last]), max(high[start], ranges[last])
+            lever = lever_m[0] * (bearings[last] - bearings[start]) if one_disc else swing
+            if high[start] - low[start] > most + lever:
+                continue
+            if not _sorted_depths(bearings, ranges, lever_m, lever_rad, start, length, most, rising):
+                continue
             median = _middle(rising, length)
             spread = max(median - rising[0], rising[length - 1] - median)
             if spread <= tolerance:
@@ -276,7 +290,7 @@ def _runs_longest_first(bearings, ranges, lever_m, lever_rad, joined, tolerance,
             for k in range(length):
                 taken[(start + k) % n] = True
             runs[count, 0], runs[count, 1] = start, length
-            _sorted_depths(bearings, ranges, lever_m, lever_rad, start, length, rising)
+            _sorted_depths(bearings, ranges, lever_m, lever_rad, start, length, np.inf, rising)
             depths[count, 0] = _middle(rising, length)
             for k in range(length):
                 echo = ranges[start + k]

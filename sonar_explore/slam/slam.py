@@ -84,7 +84,7 @@ class ChainSlam:
         """One scan, through section III in its order."""
         config, index = self.config, len(self._entries)
         self._smear = self._filter.turn_error
-        extraction = extract(self._filter.unsmeared(scan), config.features, config.agreement)
+        extraction = extract(scan, config.features, config.agreement, self._smear)
         self._points = extraction.points
         predicted, features = self._turned(self._predicted_at(scan), scan, extraction)
         associations = associate(predicted, features, self.chains, config.association)

@@ -6,11 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plain_agreement import plain_extraction, plain_things
 from synthetic import ROBOT, scan_room
 
+from sonar_explore.envs.load import load_world
+from sonar_explore.envs.simulator import Simulator, SimulatorConfig
 from sonar_explore.geometry import Pose, Segment, wrap_angle
 from sonar_explore.slam import FeatureKind, SlamConfig
-from sonar_explore.slam.agreement import AgreementConfig, _Heard, _things, extract
+from sonar_explore.slam.agreement import AgreementConfig, extract
+from sonar_explore.slam.discs import agreeing
 
 FEATURES = SlamConfig.robust().features
 ALL = AgreementConfig(enabled=True)
@@ -80,35 +84,50 @@ def test_the_order_of_the_discs_does_not_matter():
         assert a.bearing_rad == pytest.approx(b.bearing_rad) and a.range_m == pytest.approx(b.range_m)
 
 
-def plain_things(heard, config):
-    """Rows of each thing: what most discs heard first, then the closest."""
-    apart = (
-        np.abs(wrap_angle(heard.bearing[:, None] - heard.bearing[None, :])) / config.bearing_rad,
-        np.abs(heard.range[:, None] - heard.range[None, :]) / config.range_m,
-    )
-    distance = np.where((apart[0] <= 1.0) & (apart[1] <= 1.0), apart[0] + apart[1], np.inf)
-    things, of_disc = [], [np.flatnonzero(heard.disc == k) for k in np.unique(heard.disc)]
-    while len(distance):
-        nearest = np.column_stack([distance[:, rows].min(axis=1) for rows in of_disc])
-        count = np.isfinite(nearest).sum(axis=1)
-        if count.max() < config.discs_min:
-            break
-        spread = np.where(np.isfinite(nearest), nearest, 0.0).sum(axis=1)
-        seed = np.lexsort((heard.bearing, spread.round(9), -count))[0]
-        heard_it = [rows for rows, near in zip(of_disc, nearest[seed], strict=True) if np.isfinite(near)]
-        members = np.array([rows[np.argmin(distance[seed, rows])] for rows in heard_it])
-        things.append(members.tolist())
-        distance[members, :] = distance[:, members] = np.inf
-    return things
+ROOMS = ("paper/rooms", "paper/bend", "generated/home-3")
+
+
+def numbers(of):
+    """Of features, points or what is known of a turn: those that are rounded, and those that are not."""
+    fields = [getattr(item, name) for item in of for name in item.__dataclass_fields__]
+    loose = [f.as_row() if isinstance(f, Segment) else (f,) for f in fields if isinstance(f, float | Segment)]
+    return [f for f in fields if not isinstance(f, float | Segment)], [x for row in loose for x in row]
+
+
+@pytest.mark.parametrize("world", ROOMS)
+def test_the_kernels_say_what_the_plain_form_says(world):
+    places, agreed, points = load_world(world), 0, 0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        start = replace(places.start, heading=rng.uniform(-7, 7))
+        robot = Simulator(replace(places, start=start), SimulatorConfig(), rng)
+        scan = robot.scan(1 if seed % 2 else -1)
+        turn_error = rng.uniform(-0.01, 0.01)
+        found = extract(scan, FEATURES, ALL, turn_error)
+        expected = plain_extraction(scan.turned(turn_error), FEATURES, ALL)
+        for one, other in (
+            (found.features, expected.features),
+            (found.points, expected.points),
+            ([found.turn], [expected.turn]),
+        ):
+            (names, values), (known, numbered) = numbers(one), numbers(other)
+            assert names == known
+            np.testing.assert_allclose(values, numbered, rtol=0, atol=1e-12)
+        agreed += sum(f.discs > 1 for f in found.features)
+        points += len(found.points)
+    assert agreed > 20 and points > 5
 
 
 @pytest.mark.parametrize("seed", range(60))
 def test_things_are_grouped_as_the_plain_form_does(seed):
     rng = np.random.default_rng(seed)
-    n, walls = int(rng.integers(0, 90)), rng.uniform([-4, 0.3], [4, 2.0], (9, 2))
+    n, walls = int(rng.integers(1, 90)), rng.uniform([-4, 0.3], [4, 2.0], (9, 2))
     near = walls[rng.integers(0, 9, n)] + rng.normal(0, [0.03, 0.01], (n, 2))
-    none = np.zeros(n)
-    heard = _Heard(np.sort(rng.integers(0, 8, n)), near[:, 0].copy(), near[:, 1].copy(), none, none, none)
-    found = [rows.tolist() for rows in _things(heard, ALL)]
-    assert found == plain_things(heard, ALL)
+    off = np.abs(near[:, None] - near[None, :]) / (ALL.bearing_rad, ALL.range_m)
+    distance = np.where((off <= 1.0).all(axis=2), off.sum(axis=2), np.inf)
+    disc, members, ends = np.sort(rng.integers(0, 8, n)), np.empty(n, np.int64), np.empty(n, np.int64)
+    expected = plain_things(distance, disc, near[:, 0], ALL.discs_min)
+    count = agreeing(distance, disc, near[:, 0], float(ALL.discs_min), members, ends)
+    found = [rows.tolist() for rows in np.split(members, ends[:count])[:count]]
+    assert found == expected
     assert found or n < 40

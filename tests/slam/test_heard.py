@@ -1,5 +1,5 @@
 # mypy: disallow-untyped-defs=False, check-untyped-defs=True
-"""The kernel that finds walls says what the readable form says, to the last bit."""
+"""The kernel that finds walls, corners and edges says what the readable form says, to the last bit."""
 
 from dataclasses import replace
 
@@ -15,7 +15,8 @@ from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Pose
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.features import FeatureConfig, FeatureKind, extract_features
-from sonar_explore.slam.heard import walls_heard
+from sonar_explore.slam.heard import CORNER, DISC, EDGE, KIND, LENGTH, START, WALL, heard_by_discs
+from sonar_explore.slam.points import PointConfig
 
 ROBOT = AmigoBot()
 CONFIGS = [
@@ -25,10 +26,25 @@ CONFIGS = [
 ]
 
 
+KINDS = {FeatureKind.WALL: WALL, FeatureKind.CORNER: CORNER, FeatureKind.EDGE: EDGE}
+
+
 def plainly(scan, config):
-    """The walls among the features."""
-    walls = [f for f in extract_features(scan, config) if f.kind is FeatureKind.WALL]
-    return [(f.bearing_rad, f.range_m, f.sweep_rad, f.width_rad) for f in walls]
+    """What the readable form finds: walls of every disc, corners and edges of the first."""
+    for disc, one in enumerate((scan, *scan.others)):
+        for f in extract_features(replace(one, others=()), config):
+            if disc == 0 or f.kind is FeatureKind.WALL:
+                yield (disc, KINDS[f.kind], f.bearing_rad, f.range_m, f.sweep_rad, f.width_rad, f.readings)
+
+
+def found(scan, config):
+    heard = heard_by_discs(scan, config, PointConfig())
+    for row in [*heard.walls.tolist(), *heard.others.tolist()]:
+        one, n = (scan, *scan.others)[int(row[DISC])], len(scan.ranges_m)
+        way = -1 if one.bearings_rad[-1] < one.bearings_rad[0] else 1
+        first = int(row[START]) if way > 0 else n - 1 - int(row[START])
+        readings = tuple((first + way * k) % n for k in range(int(row[LENGTH])))
+        yield (int(row[DISC]), int(row[KIND]), *row[:4], readings)
 
 
 @pytest.mark.parametrize("config", CONFIGS)
@@ -41,10 +57,9 @@ def test_in_simulated_rooms(world, config):
         start = replace(places.start, heading=rng.uniform(-7, 7))
         robot = Simulator(replace(places, start=start), SimulatorConfig(), rng)
         scan = robot.scan(1 if seed % 2 else -1)
-        discs = (replace(scan, others=()), *scan.others)
-        found = walls_heard(discs, config)
-        assert [list(map(tuple, walls.tolist())) for walls in found] == [plainly(d, config) for d in discs]
-        count += sum(map(len, found))
+        heard = sorted(found(scan, config))
+        assert heard == sorted(plainly(scan, config))
+        count += len(heard)
     assert count > 100
 
 
@@ -56,7 +71,7 @@ def test_in_whatever_is_heard(n, spin, config, seed):
     ranges = np.where(rng.random(n) < 0.1, 5.0, steps + rng.normal(0, 0.01, n))
     headings = spin * np.arange(n) * 2 * np.pi / n * rng.uniform(0.97, 1.03)
     scan = Scan(Pose(0.0, 0.0, 0.0), headings, np.abs(ranges), ROBOT.sonars[seed % 8], 5.0)
-    assert list(map(tuple, walls_heard([scan], config)[0].tolist())) == plainly(scan, config)
+    assert sorted(found(scan, config)) == sorted(plainly(scan, config))
 
 
 @pytest.mark.parametrize(
@@ -66,4 +81,4 @@ def test_in_whatever_is_heard(n, spin, config, seed):
 def test_what_is_no_scan_is_refused(headings, ranges):
     scan = Scan(Pose(0.0, 0.0, 0.0), np.array(headings), np.array(ranges), ROBOT.sonars[0], 5.0)
     with pytest.raises(SonarExploreError, match="a scan"):
-        walls_heard([scan], CONFIGS[0])
+        heard_by_discs(scan, CONFIGS[0], PointConfig())

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plain_agreement import plain_echoes
 
 from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.envs.simulator import Simulator, SimulatorConfig
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Pose
 from sonar_explore.slam import SlamConfig
-from sonar_explore.slam.discs import turn_error
-from sonar_explore.slam.ends import neighbours
+from sonar_explore.slam.discs import TurnError
+from sonar_explore.slam.heard import heard_by_discs
 from sonar_explore.slam.point_matching import MatchingConfig, matched
-from sonar_explore.slam.points import PointConfig, _echoes, points_of
-from sonar_explore.slam.rcd import regions_of_constant_depth
+from sonar_explore.slam.points import PointConfig, points_among
 
 FEATURES, CONFIG, MATCHING = SlamConfig.robust().features, PointConfig(), MatchingConfig()
 DOOR = [[0, 0, 5, 0], [5, 0, 5, 4], [5, 4, 0, 4], [0, 4, 0, 0], [0, 2, 1.9, 2], [3.1, 2, 5, 2]]
@@ -34,8 +34,13 @@ def scan_at(x, y, heading=0.3, walls=DOOR, seed=0, direction=1):
     return robot.true_pose, robot.scan(direction)
 
 
+def heard_points(scan, sums=None):
+    in_front = heard_by_discs(scan, FEATURES, CONFIG).in_front
+    return points_among(in_front, CONFIG, np.zeros(2) if sums is None else sums)
+
+
 def places(pose, scan):
-    return np.array([p.seen_from(pose) for p in points_of(scan, FEATURES, CONFIG)[0]]).reshape(-1, 2)
+    return np.array([p.seen_from(pose) for p in heard_points(scan)]).reshape(-1, 2)
 
 
 @pytest.mark.parametrize("direction", [-1, 1])
@@ -55,20 +60,13 @@ def test_the_edges_of_a_door_are_heard_to_two_centimetres_whichever_way_the_robo
 @given(seeds, st.floats(0.8, 1.7), st.floats(-0.9, 0.9))
 def test_a_plain_wall_gives_no_point(seed, away, along):
     _, scan = scan_at(10.0 - away, along, walls=[[10, -6, 10, 6]], seed=seed)
-    assert points_of(scan, FEATURES, CONFIG) == ((), [])
+    assert heard_points(scan) == ()
 
 
 def test_a_scan_of_one_disc_gives_no_points():
     _, scan = scan_at(2.5, 1.2)
-    assert points_of(scan, FEATURES, CONFIG)[0]
-    alone = type(scan)(
-        scan.pose_robot_in_odometry,
-        scan.headings_rad,
-        scan.ranges_m,
-        scan.pose_sonar_in_robot,
-        scan.range_max_m,
-    )
-    assert points_of(alone, FEATURES, CONFIG) == ((), [])
+    assert heard_points(scan)
+    assert heard_points(replace(scan, others=())) == ()
 
 
 @pytest.mark.parametrize("direction", [-1, 1])
@@ -76,24 +74,13 @@ def test_points_tell_by_how_much_the_robot_turned_more_than_it_counted(direction
     off = []
     for seed in range(8):
         _, scan = scan_at(2.3 + 0.05 * seed, 1.1, seed=seed, direction=direction)
-        short = stretched(scan, 1.0 / 1.006)  # it turned by 0.6 % more than these headings say
-        turn = turn_error(points_of(short, FEATURES, CONFIG)[1], math.radians(1.2))
+        heard_points(
+            scan.turned(1.0 / 1.006 - 1.0), sums := np.zeros(2)
+        )  # it turned by 0.6 % more than these say
+        turn = TurnError.of(sums, math.radians(1.2))
         assert turn is not None
         off.append((turn.relative - 0.006) / turn.sigma)
     assert abs(np.mean(off)) < 1.0 and np.abs(off).max() < 3.5
-
-
-def plain_echoes(scan):
-    """Places x y, and how far the robot had turned, of what one disc heard in front of all beside it."""
-    mount, n = scan.pose_sonar_in_robot, len(scan.ranges_m)
-    for region in regions_of_constant_depth(scan, FEATURES.tolerance_m):
-        beside = min(scan.ranges_m[i] for i in neighbours(region.readings, n))
-        in_reach = FEATURES.range_min_m <= region.echo_m <= FEATURES.range_max_m
-        fits = CONFIG.width_min_rad <= region.width_rad <= CONFIG.width_max_rad
-        if in_reach and fits and beside >= region.echo_m + CONFIG.in_front_m:
-            disc = Pose(0.0, 0.0, region.bearing_rad - mount.heading) @ mount
-            place = disc.transform(np.array([[region.echo_m, 0.0]]))[0]
-            yield (*place, 0.5 * sum(scan.headings_rad[region.readings[k]] for k in (0, -1)))
 
 
 @settings(max_examples=10, deadline=None)
@@ -101,20 +88,14 @@ def plain_echoes(scan):
 def test_the_kernel_finds_the_echoes_that_the_plain_form_finds(seed, direction):
     x, y, heading = np.random.default_rng(seed).uniform((0.4, 0.4, -3.0), (4.6, 1.6, 3.0))
     _, scan = scan_at(x, y, heading, seed=seed, direction=direction)
+    found = heard_by_discs(scan, FEATURES, CONFIG).in_front
     for number, disc in enumerate((scan, *scan.others)):
-        found, expected = (
-            _echoes(number, disc, FEATURES, CONFIG),
-            np.array(list(plain_echoes(disc))).reshape(-1, 3),
+        here, expected = (
+            found[found[:, 0] == number, 1:],
+            np.array(list(plain_echoes(disc, FEATURES, CONFIG))).reshape(-1, 4),
         )
-        assert (found[:, 0] == number).all()
-        order = np.lexsort(found[:, 1:4].T.round(6)), np.lexsort(expected.T.round(6))
-        np.testing.assert_allclose(found[order[0], 1:4], expected[order[1]], atol=1e-9)
-
-
-def stretched(scan, factor):
-    return replace(
-        scan, headings_rad=scan.headings_rad * factor, others=tuple(stretched(o, factor) for o in scan.others)
-    )
+        order = np.lexsort(here.T.round(6)), np.lexsort(expected.T.round(6))
+        np.testing.assert_allclose(here[order[0]], expected[order[1]], atol=1e-9)
 
 
 def move(points, about, shift, turn):

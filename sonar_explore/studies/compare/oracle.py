@@ -79,7 +79,7 @@ def oracle(
     motions = _motions(drive, noise)
     turn_error = 0.0
     for _ in range(2):  # the second time with the smear of the scans taken out, as far as it was learned
-        seen = [extract(_unsmeared(scan, turn_error), features, agreement) for scan in drive.scans]
+        seen = [extract(scan, features, agreement, turn_error) for scan in drive.scans]
         owners = [
             true_walls(pose, found.features, ratio / (1.0 + turn_error) - 1.0, walls, config)
             for pose, ratio, found in zip(drive.true_poses, drive.turn_ratios, seen, strict=True)
@@ -172,14 +172,6 @@ def true_ends(
     ends = walls.reshape(-1, 2)
     off = [np.hypot(*(ends - point.seen_from(true_pose, smear)).T) for point in points]
     return tuple(int(np.argmin(d)) if d.min() <= config.distance_m else None for d in off)
-
-
-def _unsmeared(scan: Scan, turn_error: float) -> Scan:
-    return replace(
-        scan,
-        headings_rad=scan.headings_rad * (1.0 + turn_error),
-        others=tuple(_unsmeared(other, turn_error) for other in scan.others),
-    )
 
 
 def _motions(drive: Drive, noise: OdometryNoise) -> list[Motion]:
