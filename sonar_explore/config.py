@@ -21,7 +21,7 @@ MAY_BE_ZERO = (
     *("point_weight", "core_weight", "fresh_scans", "fresh_weight", "body_weight"),
     *("margin_m", "comfort_weight", "speck_m2", "unknown_credit_m", "escape_m"),
     *("least_room_m", "chain_grows_m", "least_area_m2", "area_per_m", "apart_m"),
-    *("brake_m", "side_m", "tight_m", "glance_rad"),
+    *("brake_m", "side_m", "glance_rad"),
 )
 MAY_BE_NEGATIVE = ("daring_margin_m",)
 

@@ -157,7 +157,7 @@ class Explorer:
                 break
             first = path if first is None else first
             leg = self._first_leg(path)
-            report = self._driver.follow(leg, self._surroundings.familiar_room(paths))
+            report = self._driver.follow(leg)
             end = report.end
             if end is DriveEnd.ARRIVED:
                 end = end if leg is path else DriveEnd.UNDERWAY

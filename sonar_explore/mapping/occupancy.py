@@ -247,7 +247,6 @@ class OccupancyMapper:
         self._placed: list[_Placed] = []
         self._drawn = {False: _Drawn(), True: _Drawn()}
         """Believed and doubted: each goes on from where it was drawn last."""
-        self._last = self._drawn[False]
         self.recent_points: Array = np.zeros((0, 2))
         """Corners, edges and columns that the last scans saw, x y, shape (n, 2), map frame, [m]."""
 
@@ -274,7 +273,7 @@ class OccupancyMapper:
         frame = self._covering(poses)
         self._place(poses, looks)
         poses = [placed.pose for placed in self._placed]
-        drawn = self._last = self._drawn[doubtful]
+        drawn = self._drawn[doubtful]
         walls = np.concatenate([placed.walls for placed in self._placed])
         scan = np.repeat(np.arange(len(looks)), [len(look.walls) for look in looks])
         pivots = pivot_points(walls, scan, cfg.pivot_m, cfg.pivot_turn_rad)
@@ -309,11 +308,6 @@ class OccupancyMapper:
         support = np.maximum(wall_evidence, bridged, out=bridged)
         states = drawn.sectors.states(support, cfg.core_weight, cfg.body_weight)
         return OccupancyGrid(frame, states, drawn.kept)
-
-    @property
-    def trail(self) -> Array:
-        """Where the body has been, as last drawn, shape (n, 2), map frame, [m]."""
-        return self._last.sectors.covered
 
     def _place(self, poses: Sequence[Pose], looks: Sequence[Look]) -> None:
         """Place what scans say that are new or stand elsewhere now."""

@@ -122,11 +122,6 @@ class Sectors:
         self._cover(more, radius_m, 1)
         self._trails[index] = (pose, np.vstack([covered, more]))
 
-    @property
-    def covered(self) -> Array:
-        """Where the body has been, shape (n, 2), map frame, [m]."""
-        return np.vstack([points for _, points in self._trails])
-
     def states(self, support: Array, core_weight: float, body_weight: float) -> States:
         """Occupied where the support for a wall, shape (rows, columns), is more than what is against it; free where
         something cleared the cell; else unknown; shape (rows, columns)."""

@@ -15,7 +15,6 @@ import numpy as np
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
 from sonar_explore.geometry import Array, Pose
-from sonar_explore.mapping.near import any_within
 
 HEARD_WITHIN_M = 0.8  # a wall farther away is no danger yet
 HALF_LENGTH_M = 0.25  # of the piece of wall that an echo stands for
@@ -132,8 +131,17 @@ def _piece(x, y, direction, range_m, points, piece):  # type: ignore[no-untyped-
     """What an echo from this direction stands for: a wall across it, or a point of the map."""
     c, s = math.cos(direction), math.sin(direction)
     piece[0], piece[1], piece[2], piece[3] = x + range_m * c, y + range_m * s, c, s
-    piece[4] = 0.0 if any_within(points, piece[0], piece[1], POINT_WITHIN_M) else HALF_LENGTH_M
+    piece[4] = 0.0 if _any_within(points, piece[0], piece[1], POINT_WITHIN_M) else HALF_LENGTH_M
     piece[5] = 0.0
+
+
+@inner_kernel
+def _any_within(points, x, y, distance):  # type: ignore[no-untyped-def]
+    """Whether one of the points, shape (n, 2), lies within a distance of a place, [m]."""
+    for i in range(len(points)):  # noqa: SIM110 - numba compiles no any()
+        if math.hypot(abs(points[i, 0] - x), abs(points[i, 1] - y)) <= distance:
+            return True
+    return False
 
 
 @inner_kernel

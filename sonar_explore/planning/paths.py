@@ -91,12 +91,6 @@ class SafePaths:
         """Path length weighted by discomfort to each cell, shape (rows, columns), [m]; inf where there is no way."""
         return np.asarray(self._costs * self.frame.resolution_m)
 
-    def room_at(self, x: float, y: float) -> float:
-        """Distance of a place from the nearest cell that is not free, [m]; 0 off the map."""
-        cell = self.frame.cell(x, y)
-        inside = 0 <= cell[0] < self.frame.shape[0] and 0 <= cell[1] < self.frame.shape[1]
-        return float(self.room_m[cell]) if inside else 0.0
-
     def to(self, x: float, y: float) -> Array | None:
         """The way to a place as a polyline of cell centres, shape (n, 2), map frame, [m]; None where there is none."""
         cell = self.frame.cell(x, y)

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.geometry import Array, Pose
-from sonar_explore.mapping.near import any_within_in_blocks
 from sonar_explore.mapping.occupancy import Look, OccupancyGrid, OccupancyMapper, look_of
 from sonar_explore.measurement import Scan
 from sonar_explore.planning.paths import SafePaths
 from sonar_explore.slam import Slam
 from sonar_explore.slam.features import Feature
-
-FAMILIAR_M = 0.35
 
 
 class Surroundings:
@@ -123,20 +120,6 @@ class Surroundings:
     def recent_points(self) -> Array:
         """Edges, corners and thin columns that the last scans saw, x y, shape (n, 2), map frame, [m]."""
         return self._mapper.recent_points
-
-    def familiar_room(self, paths: SafePaths) -> Callable[[float, float], float]:
-        """Room of a place on the map; none where the body has not been near, for the map may miss a wall there.
-
-        A doubted map misses many. Dead ahead, where no disc of the ring hears an edge, only a glance helps.
-        """
-        if self.doubtful:
-            return lambda x, y: 0.0
-        trail = self._mapper.trail
-
-        def room(x: float, y: float) -> float:
-            return paths.room_at(x, y) if any_within_in_blocks(trail, x, y, FAMILIAR_M) else 0.0
-
-        return room
 
     def _changed(self) -> None:
         self.version += 1
