@@ -98,7 +98,7 @@ def extract(
     heard = heard_by_discs(scan, config, agreement.points, turn_error)
     sums = np.zeros(2)
     features = _agreed(heard, len(scan.ranges_m), scan.bearings_rad, config, agreement, sums)
-    points = points_among(heard.in_front, agreement.points, sums)
+    points = points_among(heard.in_front, config.beam, agreement.points, sums)
     return Extraction(features, points, TurnError.of(sums, agreement.noise_rad))
 
 

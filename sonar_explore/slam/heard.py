@@ -40,7 +40,7 @@ class Heard:
     others: Array
     """Corners and edges that the scan's own disc heard, shape (m, 9)."""
     in_front: Array
-    """What each disc heard in front of all beside it, shape (k, 5): see `points.in_front`."""
+    """What each disc heard in front of all beside it, shape (k, 7): see `points.in_front`."""
 
 
 def heard_by_discs(scan: Scan, config: FeatureConfig, points: PointConfig, turn_error: float = 0.0) -> Heard:
@@ -55,7 +55,7 @@ def heard_by_discs(scan: Scan, config: FeatureConfig, points: PointConfig, turn_
     headings = np.concatenate([disc.headings_rad for disc in scans]) * (1.0 + turn_error)
     ranges = np.concatenate([disc.ranges_m for disc in scans], dtype=float)
     size = len(ranges)
-    walls, others, found = np.empty((size, 9)), np.empty((counts[0], 9)), np.empty((size, 5))
+    walls, others, found = np.empty((size, 9)), np.empty((counts[0], 9)), np.empty((size, 7))
     ends, limits, sizes = np.cumsum(counts), _limits(config, points), np.empty(3, dtype=np.int64)
     range_max = np.array([disc.range_max_m for disc in scans])
     if not _hear(headings, ranges, levers, ends, mounts, range_max, limits, walls, others, found, sizes):

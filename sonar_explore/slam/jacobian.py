@@ -26,14 +26,18 @@ class Unknowns:
     lines: Array
     """Bearing of the normal [rad] and distance from the origin [m] of every chain, shape (k, 2)."""
     points: Array
-    """x, y of every point, shape (m, 2), [m]."""
+    """x, y of every point, of the middle of a column, shape (m, 2), [m]."""
+    radii: Array
+    """Of every column, shape (c,), [m]."""
     constants: Array
     """Turn error, bend [rad/m] and scale of the ranges (true over measured, less one), shape (3,)."""
 
     @property
     def size(self) -> int:
         """How many numbers they are."""
-        return sum(part.size for part in (self.poses, self.own, self.lines, self.points, self.constants))
+        return sum(
+            part.size for part in (self.poses, self.own, self.lines, self.points, self.radii, self.constants)
+        )
 
     @property
     def first_line(self) -> int:
@@ -44,6 +48,11 @@ class Unknowns:
     def first_point(self) -> int:
         """Column of the first point; each has two."""
         return self.first_line + 2 * len(self.lines)
+
+    @property
+    def first_radius(self) -> int:
+        """Column of the first radius."""
+        return self.first_point + 2 * len(self.points)
 
     def turn_errors(self, scan: NDArray[np.intp]) -> Array:
         """All that the turns of these scans have of error, relative, shape (n,)."""
@@ -56,7 +65,8 @@ class Unknowns:
             self.poses + step[: 3 * n].reshape(n, 3),
             self.own + step[3 * n : 4 * n],
             self.lines + step[self.first_line : self.first_point].reshape(-1, 2),
-            self.points + step[self.first_point : -3].reshape(-1, 2),
+            self.points + step[self.first_point : self.first_radius].reshape(-1, 2),
+            self.radii + step[self.first_radius : -3],
             self.constants + step[-3:],
         )
 
@@ -158,31 +168,51 @@ def lines_heard(at: Unknowns, heard: Heard, range_m: float, robust: Robust) -> t
     )
 
 
-def points_heard(at: Unknowns, heard: Heard, range_m: float, robust: Robust) -> tuple[Rows, Rows]:
-    """Bearing and range of points to their places."""
+def points_heard(
+    at: Unknowns, heard: Heard, radius: NDArray[np.intp], range_m: float, robust: Robust
+) -> tuple[Rows, ...]:
+    """Bearing and range of points to their places.
+
+    Args:
+        radius: which of the radii the point that was heard has, -1 for a thin one, shape (n,).
+    """
     dx, dy = (at.points[heard.what] - at.poses[heard.scan, :2]).T
-    away = np.hypot(dx, dy)
+    away, round_ = np.hypot(dx, dy), radius >= 0
     c, s = dx / away, dy / away
     bearing = at.poses[heard.scan, 2] + heard.bearing + heard.sweep * at.turn_errors(heard.scan)
     turn = wrap_angle(bearing - np.arctan2(dy, dx)) * heard.sure
-    gap = (away - heard.range * (1.0 + at.constants[2])) / range_m
+    thick = np.where(round_, np.append(at.radii, 0.0)[radius], 0.0)
+    gap = (away - thick - heard.range * (1.0 + at.constants[2])) / range_m
     weight = np.sqrt(robust(turn**2 + gap**2))
     u, v = weight * heard.sure, weight / range_m
     pose, point = 3 * heard.scan, at.first_point + 2 * heard.what
     own, turn_error, scale = _of_turn_and_scale(at, heard)
     turned, across = u * heard.sweep, (u * s / away, u * c / away)
+    by_range = (
+        np.column_stack([pose, pose + 1, point, point + 1, scale]),
+        np.column_stack([-v * c, -v * s, v * c, v * s, -v * heard.range]),
+        weight * gap,
+    )
+    columns, values, residual = (part[round_] for part in by_range)
     return (
         Rows(
             np.column_stack([pose, pose + 1, pose + 2, point, point + 1, own, turn_error]),
             np.column_stack([-across[0], across[1], u, across[0], -across[1], turned, turned]),
             weight * turn,
         ),
+        Rows(*(part[~round_] for part in by_range)),
         Rows(
-            np.column_stack([pose, pose + 1, point, point + 1, scale]),
-            np.column_stack([-v * c, -v * s, v * c, v * s, -v * heard.range]),
-            weight * gap,
+            np.column_stack([columns, at.first_radius + radius[round_]]),
+            np.column_stack([values, -v[round_]]),
+            residual,
         ),
     )
+
+
+def radii_told(at: Unknowns, told: Array, sigma: Array) -> Rows:
+    """Every column is about as thick as its widths tell, shape (c,) both, [m]."""
+    columns = at.first_radius + np.arange(len(told))[:, None]
+    return Rows(columns, 1.0 / sigma[:, None], (at.radii - told) / sigma)
 
 
 def _of_turn_and_scale(at: Unknowns, heard: Heard) -> tuple[NDArray[np.intp], ...]:

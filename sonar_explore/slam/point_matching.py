@@ -32,7 +32,13 @@ class MatchingConfig:
 
 
 def matched(
-    here: Array, about: Array, prior: Array, known: Array, spread: Array, config: MatchingConfig
+    here: Array,
+    about: Array,
+    prior: Array,
+    known: Array,
+    spread: Array,
+    config: MatchingConfig,
+    alike: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.intp]:
     """For each point of a scan the index of the known one that it is, -1 for a new one; shape (n,).
 
@@ -42,10 +48,12 @@ def matched(
         prior: covariance of x, y [m] and heading [rad] of that pose, shape (3, 3).
         known: places of the known points, shape (m, 2), [m].
         spread: how unsure each of these is, seen from the scan before, variance in each direction, shape (m,), [m2].
+        alike: which points may be which of the known ones at all, shape (n, m); None for any.
     """
     out = np.full(len(here), -1)
     off = known[None] - here[:, None]
-    rows, columns = np.nonzero(np.hypot(off[..., 0], off[..., 1]) <= config.reach_m)
+    unlike = np.zeros(off.shape[:2], dtype=bool) if alike is None else ~alike
+    rows, columns = np.nonzero((np.hypot(off[..., 0], off[..., 1]) <= config.reach_m) & ~unlike)
     if not len(rows):
         return out
     moves = _moves(here[rows] - about, known[columns] - about, rows, columns, config)
@@ -53,6 +61,7 @@ def matched(
     price = np.einsum("hi,ij,hj->h", moves, information, moves)
     variance = spread + config.place_m**2
     costs = np.stack([_squared(here, about, known, variance, move) for move in moves])
+    costs[:, unlike] = np.inf
     nearest = costs.min(axis=2)
     best = int(np.argmin(price + np.minimum(nearest, config.unmatched).sum(axis=1)))
     cost = costs[best]

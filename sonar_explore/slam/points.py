@@ -9,13 +9,15 @@ a degree in bearing, and unlike a wall it stops the robot from sliding either wa
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
 
+from sonar_explore.beam import Beam
 from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array, Pose
+from sonar_explore.slam.columns import ColumnConfig, PointKind, told_by_width
 from sonar_explore.slam.discs import adds_to_turn, agreeing
 from sonar_explore.sums import dot, fma, hypot, total
 
@@ -38,6 +40,8 @@ class PointConfig:
     """Places that move along with the discs by more than this share of what a plane's would are no point's."""
     near_m: float = 0.5
     """A nearer one is left out: the end of a wall, square to it, passes for a point, [m]."""
+    columns: ColumnConfig = field(default_factory=ColumnConfig)
+    """Which of them are columns."""
 
 
 @dataclass(frozen=True)
@@ -52,24 +56,36 @@ class Point:
     """How far the robot had turned when it was heard, on average, signed, [rad]."""
     discs: int
     """How many discs agree on it."""
+    kind: PointKind = PointKind.EDGE
+    radius_m: float = 0.0
+    """Of a column, from its middle to the surface that answered, as its width tells it, [m]."""
 
     def seen_from(self, pose: Pose, turn_error: float = 0.0) -> tuple[float, float]:
-        """x y in the frame of the pose, [m], where the robot turned by so much more than it counted, relative."""
+        """x y of its middle in the frame of the pose, [m].
+
+        Args:
+            turn_error: by how much more the robot turned than it counted, relative.
+        """
         angle = pose.heading + self.bearing_rad + self.sweep_rad * turn_error
-        return pose.x + self.range_m * math.cos(angle), pose.y + self.range_m * math.sin(angle)
+        depth = self.range_m + self.radius_m
+        return pose.x + depth * math.cos(angle), pose.y + depth * math.sin(angle)
 
 
-def points_among(in_front: Array, config: PointConfig, sums: Array) -> tuple[Point, ...]:
+def points_among(in_front: Array, beam: Beam, config: PointConfig, sums: Array) -> tuple[Point, ...]:
     """The points of one turn; what they say of the turn is added to `sums` (`discs.TurnError.of`).
 
     Args:
-        in_front: what each disc heard in front of all beside it, the discs in order, shape (n, 5).
+        in_front: what each disc heard in front of all beside it, the discs in order, shape (n, 7).
+        beam: of the discs.
     """
-    found = np.empty((len(in_front), 4))
+    found = np.empty((len(in_front), 6))
     count = _agreed(in_front, np.arctan2(in_front[:, 2], in_front[:, 1]), _limits(config), found, sums)
-    return tuple(
-        Point(bearing, depth, sweep, int(discs)) for bearing, depth, sweep, discs in found[:count].tolist()
-    )
+    points = []
+    for bearing, depth, sweep, discs, width, echo in found[:count].tolist():
+        told = told_by_width(width, depth, echo, beam, config.columns)
+        if told is not None:
+            points.append(Point(bearing, depth, sweep, int(discs), *told))
+    return tuple(points)
 
 
 @lru_cache(maxsize=4)
@@ -83,7 +99,8 @@ def in_front(bearings, headings, ranges, rows, runs, count, disc, mount, limits,
     """What one disc heard in front of all beside it, into `out` from row `found` on: how many rows there are then.
 
     The number of the disc; x y of what it heard in the middle of each region [m]; how far the robot had turned by then
-    [rad]; and how far the axis of the disc passes from the turning axis [m].
+    [rad]; how far the axis of the disc passes from the turning axis [m]; over which turn it was heard, one step more
+    than from its first reading to its last [rad]; and how far it was from the disc [m].
     """
     n, clockwise = len(ranges), bearings[-1] < bearings[0]
     for k in range(count):
@@ -103,14 +120,16 @@ def in_front(bearings, headings, ranges, rows, runs, count, disc, mount, limits,
         out[found, 2] = s * mount[0] + c * mount[1] + echo * math.sin(beam)
         out[found, 3] = 0.5 * (headings[first] + headings[last])
         out[found, 4] = mount[3]
+        out[found, 5] = width + abs(headings[1] - headings[0])
+        out[found, 6] = echo
         found += 1
     return found
 
 
 @kernel
 def _agreed(heard, bearings, limits, points, sums):  # type: ignore[no-untyped-def]
-    """Bearing, range, sweep and discs of each point into `points`: how many; what enough discs heard, one row a disc,
-    is one where it is no plane's foot."""
+    """Bearing, range, sweep, discs, width and distance from the discs of each point into `points`: how many; what
+    enough discs heard, one row a disc, is one where it is no plane's foot."""
     n = len(heard)
     distance, disc = np.full((n, n), np.inf), np.empty(n, dtype=np.int64)
     for i in range(n):
@@ -129,8 +148,10 @@ def _agreed(heard, bearings, limits, points, sums):  # type: ignore[no-untyped-d
         x, y = x / len(rows), y / len(rows)
         depth, bearing = hypot(x, y), math.atan2(y, x)
         lever, sweep = np.empty(len(rows)), np.empty(len(rows))
+        width = echo = 0.0
         for k in range(len(rows)):
             lever[k], sweep[k] = heard[rows[k], 4], heard[rows[k], 3]
+            width, echo = width + heard[rows[k], 5], echo + heard[rows[k], 6]
         middle, along = total(lever) / len(rows), np.empty(len(rows))
         for k in range(len(rows)):
             lever[k] -= middle
@@ -142,6 +163,7 @@ def _agreed(heard, bearings, limits, points, sums):  # type: ignore[no-untyped-d
             along[k] = math.pi - (math.pi - (bearings[rows[k]] - bearing)) % (2.0 * math.pi)
         points[count, 0], points[count, 1] = bearing, depth
         points[count, 2], points[count, 3] = total(sweep) / len(rows), len(rows)
+        points[count, 4], points[count, 5] = width / len(rows), echo / len(rows)
         adds_to_turn(sweep, along, sums)
         count += 1
     return count

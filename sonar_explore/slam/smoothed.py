@@ -13,6 +13,7 @@ from sonar_explore.geometry import Pose
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.association import Association
 from sonar_explore.slam.base import ScanEntry, ScanUpdate, SlamConfig
+from sonar_explore.slam.columns import PointKind
 from sonar_explore.slam.dual import surviving
 from sonar_explore.slam.motion import MotionSum, RandomWalk
 from sonar_explore.slam.point_matching import matched
@@ -29,7 +30,8 @@ class SmoothedSlam(ChainSlam):
         super().__init__(start, config, robot)
         odometry = config.odometry
         self._smoother = Smoother(start, config.smoothing, (odometry.turn_error, odometry.bend_rad_m))
-        self._points_known = 0
+        self._kinds: list[PointKind] = []
+        """Of every point, by its number."""
         self._motion = MotionSum(RandomWalk(odometry.turn_rad, odometry.drift_rad, odometry.distance_m))
 
     def predict(self, pose_robot_in_odometry: Pose) -> Pose:
@@ -75,8 +77,9 @@ class SmoothedSlam(ChainSlam):
     def _met_again(self, points: Sequence[Point], pose: Pose, turn_error: float) -> list[int]:
         """The number of each point of this scan: of the one known before that it is, or a new one."""
         numbers, places = self._smoother.points()
-        out = [self._points_known + k for k in range(len(points))]
-        self._points_known += len(points)
+        out = [len(self._kinds) + k for k in range(len(points))]
+        kinds = np.array(self._kinds, dtype=np.intp)
+        self._kinds += [point.kind for point in points]
         if not len(numbers) or not points:
             return out
         here = np.array([p.seen_from(pose, turn_error) for p in points])
@@ -88,7 +91,8 @@ class SmoothedSlam(ChainSlam):
         spread = self._smoother.spread(numbers, places)
         variance = 0.5 * np.trace(spread, axis1=1, axis2=2)
         prior = self._filter.covariance[:3, :3]
-        found = matched(here, np.array([pose.x, pose.y]), prior, places, variance, config)
+        alike = np.array([point.kind for point in points])[:, None] == kinds[numbers]
+        found = matched(here, np.array([pose.x, pose.y]), prior, places, variance, config, alike)
         return [int(numbers[j]) if j >= 0 else new for j, new in zip(found, out, strict=True)]
 
     def _move_everything(self) -> None:

@@ -34,6 +34,7 @@ from sonar_explore.slam.jacobian import (
     odometry,
     own_turns,
     points_heard,
+    radii_told,
 )
 from sonar_explore.slam.motion import Motion
 from sonar_explore.slam.normal_equations import normal_equations
@@ -60,6 +61,8 @@ class SmoothingConfig:
     """Of the range of a point, [m]."""
     range_scale: float = 0.005
     """Of all ranges together, relative: 3 K more or less than assumed change the speed of sound by as much."""
+    radius_share: float = 0.4
+    """Of the radius of a column by how widely it is heard, relative."""
     iterations: int = 6
     """Gauss-Newton steps a scan at most, with Cauchy's loss; after a merge half as many with Huber's come first."""
     still_m: float = 0.002
@@ -83,16 +86,19 @@ class Sighting:
     """[m]"""
     discs: int = 1
     """How many discs heard it."""
+    radius_m: float = 0.0
+    """Of a column, as its width tells it; 0 for a thin point, and for a wall, [m]."""
 
     @classmethod
     def of(cls, scan: int, what: int, heard: Feature | Point, turn_error: float) -> Sighting:
         """As the odometry has it; the bearing that was heard is already free of this relative error of the turn."""
         bearing = heard.bearing_rad - heard.sweep_rad * turn_error
-        return cls(scan, what, bearing, heard.sweep_rad, heard.range_m, heard.discs)
+        radius = heard.radius_m if isinstance(heard, Point) else 0.0
+        return cls(scan, what, bearing, heard.sweep_rad, heard.range_m, heard.discs, radius)
 
     def as_row(self) -> tuple[float, ...]:
         """The same as numbers, in this order."""
-        return self.scan, self.what, self.bearing_rad, self.sweep_rad, self.range_m, self.discs
+        return self.scan, self.what, self.bearing_rad, self.sweep_rad, self.range_m, self.discs, self.radius_m
 
 
 class Smoother:
@@ -113,12 +119,16 @@ class Smoother:
         """What whitens each motion, its change, its derivatives by the wheels and by the own turn."""
         self._stacked: tuple[Array, ...] = ()
         self._lines: dict[int, Array] = {}
-        self._seen: Array = np.zeros((0, 6))
+        self._seen: Array = np.zeros((0, 7))
         """Walls on chains, a row each."""
         self._points: Array = np.zeros((0, 2))
         """Places x y of the points that were met again, in the order in which they were, [m]."""
         self._row_of_point: dict[int, int] = {}
-        self._met: Array = np.zeros((0, 6))
+        self.radii: Array = np.zeros(0)
+        """Of the columns among them, [m]."""
+        self._radius_of: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+        """Which radius each of the points has, -1 for a thin one."""
+        self._met: Array = np.zeros((0, 7))
         """How scans heard them, a row each, by the row of the point."""
         self._once: dict[int, Sighting] = {}
         """Points that were heard in one scan alone: they bind nothing yet."""
@@ -158,6 +168,9 @@ class Smoother:
             first = self._once.pop(number)
             self._row_of_point[number] = row = len(self._points)
             self._points = np.vstack([self._points, self._place(first)])
+            thick = first.radius_m > 0.0
+            self._radius_of = np.append(self._radius_of, len(self.radii) if thick else -1)
+            self.radii = np.append(self.radii, first.radius_m) if thick else self.radii
             self._met = np.vstack([self._met, first.as_row()])
             self._met[-1, 1] = row
         elif number not in self._row_of_point:
@@ -182,7 +195,7 @@ class Smoother:
         """Move poses, lines, points and wheels to where everything agrees best."""
         chains = sorted(self._lines)
         lines = np.array([self._lines[chain] for chain in chains]).reshape(-1, 2)
-        at = Unknowns(self.poses, self.own, lines, self._points, self.constants)
+        at = Unknowns(self.poses, self.own, lines, self._points, self.radii, self.constants)
         seen = self._heard_of(self._seen, self._bearing_sigma(self._seen[:, 5]))
         seen.what[:] = np.searchsorted(chains, seen.what)
         met = self._heard_of(self._met, np.full(len(self._met), self._config.point_bearing_rad))
@@ -191,6 +204,7 @@ class Smoother:
         at, factor = self._converged(at, seen, met, _cauchy, self._config.iterations)
         self._far_off = False
         self.poses, self.own, self._points, self.constants = at.poses, at.own, at.points, at.constants
+        self.radii = at.radii
         self._lines = dict(zip(chains, at.lines, strict=True))
         self._solved = factor, at, {chain: k for k, chain in enumerate(chains)}
 
@@ -276,7 +290,9 @@ class Smoother:
         if len(seen.scan):
             blocks += lines_heard(at, seen, config.range_m, robust)
         if len(met.scan):
-            blocks += points_heard(at, met, config.point_range_m, robust)
+            radius: NDArray[np.intp] = self._radius_of[met.what]
+            blocks += points_heard(at, met, radius, config.point_range_m, robust)
+            blocks.append(radii_told(at, *self._radii_by_width(radius)))
         widths = np.concatenate([np.full(len(b.columns), b.columns.shape[1]) for b in blocks])
         normal, slope = normal_equations(
             np.concatenate([[0], np.cumsum(widths)]),
@@ -295,6 +311,13 @@ class Smoother:
             self._stacked = tuple(np.stack(parts) for parts in zip(*self._motions, strict=True))
         return self._stacked
 
+    def _radii_by_width(self, radius: NDArray[np.intp]) -> tuple[Array, Array]:
+        """Mean and standard deviation of every column's radius, by how widely it was heard, shape (c,), [m]."""
+        thick = radius >= 0
+        sums = np.bincount(radius[thick], self._met[thick, 6], len(self.radii))
+        told = sums / np.bincount(radius[thick], minlength=len(self.radii))
+        return told, self._config.radius_share * told
+
     def _heard_of(self, rows: Array, sigma: Array) -> Heard:
         scan, what = rows[:, :2].T.astype(np.intp)
         return Heard(scan, what, rows[:, 2], rows[:, 3], rows[:, 4], 1.0 / sigma)
@@ -310,7 +333,10 @@ class Smoother:
 
     def _place(self, sighting: Sighting) -> tuple[float, float]:
         """Where a point is by one scan, x y, [m]."""
-        angle, depth = self._direction(sighting), sighting.range_m * (1.0 + self.constants[2])
+        angle, depth = (
+            self._direction(sighting),
+            sighting.range_m * (1.0 + self.constants[2]) + sighting.radius_m,
+        )
         x, y, _ = self.poses[sighting.scan].tolist()
         return x + depth * math.cos(angle), y + depth * math.sin(angle)
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from sonar_explore.geometry import Pose, wrap_angle
 from sonar_explore.slam.agreement import Extraction
+from sonar_explore.slam.columns import told_by_width
 from sonar_explore.slam.discs import TurnError, aside
 from sonar_explore.slam.ends import neighbours
 from sonar_explore.slam.features import Feature, FeatureKind, extract_features, tangent
@@ -85,7 +86,8 @@ def _near(feature, bearing, depth, agreement):
 
 
 def plain_echoes(scan, features, config):
-    """Places x y of what one disc heard in front of all beside it, how far the robot had turned, and `aside`."""
+    """Places x y of what one disc heard in front of all beside it, how far the robot had turned, `aside`, over which
+    turn it was heard, and how far off the disc it was."""
     mount, n = scan.pose_sonar_in_robot, len(scan.ranges_m)
     for region in regions_of_constant_depth(scan, features.tolerance_m):
         beside = min(scan.ranges_m[i] for i in neighbours(region.readings, n))
@@ -95,7 +97,7 @@ def plain_echoes(scan, features, config):
             disc = Pose(0.0, 0.0, region.bearing_rad - mount.heading) @ mount
             place = disc.transform(np.array([[region.echo_m, 0.0]]))[0]
             turned = 0.5 * sum(scan.headings_rad[region.readings[k]] for k in (0, -1))
-            yield (*place, turned, aside(mount))
+            yield (*place, turned, aside(mount), region.width_rad + scan.step_rad, region.echo_m)
 
 
 def plain_points(scan, features, config):
@@ -106,7 +108,7 @@ def plain_points(scan, features, config):
             for k, disc in enumerate((scan, *scan.others))
             for echo in plain_echoes(disc, features, config)
         ]
-    ).reshape(-1, 5)
+    ).reshape(-1, 7)
     off = np.hypot(*(heard[:, None, 1:3] - heard[None, :, 1:3]).transpose(2, 0, 1))
     distance = np.where(off <= config.together_m, off, np.inf)
     points, swept = [], []
@@ -118,8 +120,11 @@ def plain_points(scan, features, config):
         scatter = lever @ lever
         plane = scatter > 1e-9 and abs(lever @ along) > config.plane_share * scatter
         if depth >= config.near_m and not plane:
-            points.append(Point(math.atan2(y, x), depth, turned.mean(), len(rows)))
-            swept.append((turned, wrap_angle(np.arctan2(*places.T[::-1]) - points[-1].bearing_rad)))
+            bearing, (width, echo) = math.atan2(y, x), heard[rows, 5:].mean(axis=0)
+            told = told_by_width(width, depth, echo, features.beam, config.columns)
+            if told:
+                points.append(Point(bearing, depth, turned.mean(), len(rows), *told))
+            swept.append((turned, wrap_angle(np.arctan2(*places.T[::-1]) - bearing)))
     return tuple(points), swept
 
 

@@ -36,7 +36,7 @@ def scan_at(x, y, heading=0.3, walls=DOOR, seed=0, direction=1):
 
 def heard_points(scan, sums=None):
     in_front = heard_by_discs(scan, FEATURES, CONFIG).in_front
-    return points_among(in_front, CONFIG, np.zeros(2) if sums is None else sums)
+    return points_among(in_front, FEATURES.beam, CONFIG, np.zeros(2) if sums is None else sums)
 
 
 def places(pose, scan):
@@ -92,7 +92,7 @@ def test_the_kernel_finds_the_echoes_that_the_plain_form_finds(seed, direction):
     for number, disc in enumerate((scan, *scan.others)):
         here, expected = (
             found[found[:, 0] == number, 1:],
-            np.array(list(plain_echoes(disc, FEATURES, CONFIG))).reshape(-1, 4),
+            np.array(list(plain_echoes(disc, FEATURES, CONFIG))).reshape(-1, 6),
         )
         order = np.lexsort(here.T.round(6)), np.lexsort(expected.T.round(6))
         np.testing.assert_allclose(here[order[0]], expected[order[1]], atol=1e-9)

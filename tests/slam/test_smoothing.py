@@ -120,6 +120,7 @@ def test_the_jacobian_agrees_with_finite_differences():
         own=rng.normal(0, 0.01, n),
         lines=rng.normal(0, 1.0, (4, 2)),
         points=rng.normal(0, 2.0, (5, 2)),
+        radii=rng.uniform(0.05, 0.3, 2),
         constants=rng.normal(0, 0.01, 3),
     )
     white = [np.linalg.inv(np.linalg.cholesky(m.covariance)) for m in motions]
@@ -130,6 +131,7 @@ def test_the_jacobian_agrees_with_finite_differences():
         return jacobian.Heard(scans, rng.integers(kinds, size=n), bearing, sweep, range_m, np.full(n, 30.0))
 
     seen, met = heard(4), heard(5)
+    radius = np.array([-1, 0, -1, 1, -1])[met.what]
 
     def blocks(at):
         return (
@@ -137,7 +139,8 @@ def test_the_jacobian_agrees_with_finite_differences():
             *jacobian.own_turns(at, 0.004, scans[:2], np.array([0.01, 0.0]), np.array([0.004, 0.002])),
             jacobian.odometry(at, np.stack(white), *parts),
             *jacobian.lines_heard(at, seen, 0.015, np.ones_like),
-            *jacobian.points_heard(at, met, 0.01, np.ones_like),
+            *jacobian.points_heard(at, met, radius, 0.01, np.ones_like),
+            jacobian.radii_told(at, np.array([0.1, 0.2]), np.array([0.03, 0.05])),
         )
 
     exact = [dense(b, at.size) for b in blocks(at)]
@@ -178,6 +181,22 @@ def test_points_alone_give_the_true_poses_from_bad_first_guesses(seed):
     assert dict(zip(numbers.tolist(), places.round(3).tolist(), strict=True)) == {
         10 + k: list(place) for k, place in enumerate(PILLARS)
     }
+
+
+def test_a_column_heard_from_all_sides_is_known_by_its_middle_and_radius():
+    poses, motions = loop()
+    out = smoother(poses, motions, np.random.default_rng(0))
+    for i, p in enumerate(poses):
+        away = math.hypot(2.5 - p.x, 1.5 - p.y)
+        bearing = wrap_angle(math.atan2(1.5 - p.y, 2.5 - p.x) - p.heading)
+        out.add_point(Sighting(i, 7, bearing, 0.0, away - 0.12, radius_m=0.12 * (1.3 if i % 2 else 0.9)))
+    for _ in range(5):
+        out.solve()
+    (number,), ((x, y),) = out.points()
+    assert number == 7
+    assert (x, y) == pytest.approx((2.5, 1.5), abs=1e-3)
+    assert out.radii == pytest.approx([0.12], abs=2e-3)
+    assert (off_by(out, poses) < 1e-3).all()
 
 
 def test_a_point_heard_once_binds_nothing_and_stays_where_its_scan_heard_it():
