@@ -2,7 +2,7 @@
 
 A free edge answers weakly and is heard within a few degrees of the axis; a concave corner answers like a plane. A
 column of radius R is between the two: sqrt(R / (R + r)) of a plane's amplitude at a distance r of its surface (READING
-section 2). So the width at which a disc hears it gives R, to two fifths or so. It matters, because a column answers from
+section 2). So the width at which a disc hears it gives R, to two fifths or so. It matters: a column answers from
 another place of its surface on each side: its middle stays.
 """
 
