@@ -5,21 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sonar_explore.compiled import kernel
-from sonar_explore.geometry import Array, Pose, wrap_undirected
+from sonar_explore.compiled import inner_kernel, kernel
+from sonar_explore.geometry import Array, Pose
 from sonar_explore.slam.chains import ChainMap
 from sonar_explore.slam.features import Feature, FeatureKind
 
 MAX_LINE_DISTANCE_M = 0.20  # d1, section III.B
 MAX_END_GAP_M = 0.50  # d2, section III.B
 MAX_ANGLE_RAD = math.radians(20.0)  # a1, section III.B
-TIE_DECIMALS = (
-    9  # distances equal to a nanometre are a tie: which link is closest must not hang on the last bit
-)
+TIE = 1e9  # distances equal to a nanometre are a tie: which link is closest must not hang on the last bit
 
 
 @dataclass(frozen=True)
@@ -54,17 +52,6 @@ class Association:
     """a1, signed from the feature to the link, [rad]."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Gaps:
-    """How features lie to links; every array has shape (features, links)."""
-
-    line_distance: Array
-    end_gap: Array
-    angle: Array
-    same_side: NDArray[np.bool_]
-    """Whether both were heard from the same side: the segment of a wall runs to the left of who hears it."""
-
-
 def associate(
     pose_robot_in_map: Pose, features: Sequence[Feature], chains: ChainMap, config: AssociationConfig
 ) -> tuple[Association, ...]:
@@ -76,43 +63,49 @@ def associate(
     walls = [i for i, feature in enumerate(features) if feature.kind is FeatureKind.WALL]
     if not walls or not len(chains):
         return ()
-    segments = np.array([features[i].segment.transformed(pose_robot_in_map).as_row() for i in walls])
-    near = _near_links(segments, chains.segments, config)
-    gaps = _gaps(segments, chains.segments[near])
-    chain_ids, link_indices = chains.chain_ids[near], chains.link_indices[near]
-    rows, columns = np.nonzero(_inside_gates(gaps, config))
+    measured, placed = np.array([features[i].segment.as_row() for i in walls]), np.empty((len(walls), 4))
+    pose, near = pose_robot_in_map, np.empty(len(chains.segments), dtype=np.intp)
+    # Both ends within the first gate of a line are within three times its width (the mean of ends and middle), so
+    # where the two overlap they come that close, and where they do not, as close as the second gate.
+    reach = max(3.0 * config.line_distance_max_m, config.end_gap_max_m) + 1e-6
+    near = near[: _near(measured, pose.x, pose.y, pose.heading, reach, chains.segments, placed, near)]
+    links, owners = chains.segments[near], chains.chain_ids[near]
+    found, gaps = np.empty((len(walls) * len(near), 2), dtype=np.intp), np.empty((len(walls) * len(near), 3))
+    count = _meet(placed, _angles(placed), links, _angles(links), owners, _gates(config), found, gaps)
+    places = chains.link_indices[near].tolist()
     return tuple(
-        Association(
-            feature=walls[row],
-            chain=int(chain_ids[column]),
-            link=int(link_indices[column]),
-            line_distance_m=float(gaps.line_distance[row, column]),
-            end_gap_m=float(gaps.end_gap[row, column]),
-            angle_rad=float(gaps.angle[row, column]),
-        )
-        for row, column in _closest(gaps, rows, columns, chain_ids)
+        Association(walls[row], int(owners[column]), places[column], *gap)
+        for (row, column), gap in zip(found[:count].tolist(), gaps[:count].tolist(), strict=True)
     )
 
 
-def _near_links(features: Array, links: Array, config: AssociationConfig) -> NDArray[np.intp]:
-    """Rows of the links that could pass the gates of any feature, rising: the others cost no more than a look.
+def _angles(segments: Array) -> Array:
+    return np.arctan2(segments[:, 3] - segments[:, 1], segments[:, 2] - segments[:, 0])
 
-    Both ends within the first gate of a line are within three times its width (the mean of ends and middle),
-    so where the two overlap they come that close, and where they do not, as close as the second gate.
-    """
-    reach = max(3.0 * config.line_distance_max_m, config.end_gap_max_m) + 1e-6
-    xy = features.reshape(-1, 2)
-    (x0, y0), (x1, y1) = xy.min(axis=0) - reach, xy.max(axis=0) + reach
-    rows = np.empty(len(links), dtype=np.intp)
-    return rows[: _meeting_box(links, x0, y0, x1, y1, rows)]
+
+@lru_cache(maxsize=4)
+def _gates(config: AssociationConfig) -> Array:
+    """As the kernel takes them."""
+    return np.array(
+        [config.line_distance_max_m, config.end_gap_max_m, config.angle_max_rad, config.facing], dtype=float
+    )
 
 
 @kernel
-def _meeting_box(segments, x0, y0, x1, y1, rows):  # type: ignore[no-untyped-def]
-    """Rows of the segments whose bounding box meets a box, into `rows`: how many."""
+def _near(measured, x, y, heading, reach, links, placed, rows):  # type: ignore[no-untyped-def]
+    """Segments of a scan placed by its pose, and the rows of the links whose boxes come this near to theirs, rising."""
+    c, s = math.cos(heading), math.sin(heading)
+    x0, y0, x1, y1 = np.inf, np.inf, -np.inf, -np.inf
+    for i in range(len(measured)):
+        for k in (0, 2):
+            px = x + c * measured[i, k] - s * measured[i, k + 1]
+            py = y + s * measured[i, k] + c * measured[i, k + 1]
+            placed[i, k], placed[i, k + 1] = px, py
+            x0, y0, x1, y1 = min(x0, px), min(y0, py), max(x1, px), max(y1, py)
+    x0, y0, x1, y1 = x0 - reach, y0 - reach, x1 + reach, y1 + reach
     n = 0
-    for i in range(len(segments)):
-        ax, ay, bx, by = segments[i, 0], segments[i, 1], segments[i, 2], segments[i, 3]
+    for i in range(len(links)):
+        ax, ay, bx, by = links[i, 0], links[i, 1], links[i, 2], links[i, 3]
         if (ax < x0 and bx < x0) or (ax > x1 and bx > x1) or (ay < y0 and by < y0) or (ay > y1 and by > y1):
             continue
         rows[n] = i
@@ -120,51 +113,59 @@ def _meeting_box(segments, x0, y0, x1, y1, rows):  # type: ignore[no-untyped-def
     return n
 
 
-def _gaps(features: Array, links: Array) -> _Gaps:
-    """Compare segments (m, 4) with segments (n, 4)."""
-    feature_angles = np.arctan2(features[:, 3] - features[:, 1], features[:, 2] - features[:, 0])
-    link_angles = np.arctan2(links[:, 3] - links[:, 1], links[:, 2] - links[:, 0])
-    along = np.stack([np.cos(link_angles), np.sin(link_angles)], axis=1)
-    dx1, dy1 = (features[:, None, k] - links[None, :, k] for k in (0, 1))
-    dx2, dy2 = features[:, None, 2] - links[None, :, 0], features[:, None, 3] - links[None, :, 1]
-    across1 = dy1 * along[:, 0] - dx1 * along[:, 1]
-    across2 = dy2 * along[:, 0] - dx2 * along[:, 1]
-    at1 = dx1 * along[:, 0] + dy1 * along[:, 1]
-    at2 = dx2 * along[:, 0] + dy2 * along[:, 1]
-    lengths = np.hypot(links[:, 2] - links[:, 0], links[:, 3] - links[:, 1])
-    overlap = (np.maximum(at1, at2) >= 0.0) & (np.minimum(at1, at2) <= lengths)
-    ends = [
-        np.hypot(at - end, across)
-        for at, across in ((at1, across1), (at2, across2))
-        for end in (0.0, lengths)
-    ]
-    return _Gaps(
-        line_distance=(np.abs(across1) + np.abs(across2) + 0.5 * np.abs(across1 + across2)) / 3.0,
-        end_gap=np.where(overlap, 0.0, np.minimum.reduce(ends)),
-        angle=wrap_undirected(link_angles[None, :] - feature_angles[:, None]),
-        same_side=np.cos(link_angles[None, :] - feature_angles[:, None]) > 0.0,
-    )
+@kernel
+def _meet(walls, wall_angles, links, link_angles, owners, gates, found, gaps):  # type: ignore[no-untyped-def]
+    """Wall and link of each association into `found`, d1, d2 and a1 into `gaps`: how many."""
+    along = np.empty((len(links), 3))
+    for j in range(len(links)):
+        along[j, 0], along[j, 1] = math.cos(link_angles[j]), math.sin(link_angles[j])
+        along[j, 2] = math.hypot(links[j, 2] - links[j, 0], links[j, 3] - links[j, 1])
+    count = 0
+    for i in range(len(walls)):
+        first = count
+        for j in range(len(links)):
+            turn = link_angles[j] - wall_angles[i]
+            angle = math.pi / 2 - (math.pi / 2 - turn) % math.pi
+            if abs(angle) > gates[2] or (gates[3] and not math.cos(turn) > 0.0):
+                continue
+            line_distance, end_gap = _gaps(walls[i], links[j], along[j])
+            if not (line_distance <= gates[0] and end_gap <= gates[1]):
+                continue
+            at = first
+            while at < count and owners[found[at, 1]] < owners[j]:
+                at += 1
+            if at < count and owners[found[at, 1]] == owners[j]:
+                if not _closer(line_distance, end_gap, angle, gaps[at]):
+                    continue
+            else:
+                for k in range(count, at, -1):
+                    found[k, 0], found[k, 1] = found[k - 1, 0], found[k - 1, 1]
+                    gaps[k, 0], gaps[k, 1], gaps[k, 2] = gaps[k - 1, 0], gaps[k - 1, 1], gaps[k - 1, 2]
+                count += 1
+            found[at, 0], found[at, 1] = i, j
+            gaps[at, 0], gaps[at, 1], gaps[at, 2] = line_distance, end_gap, angle
+    return count
 
 
-def _inside_gates(gaps: _Gaps, config: AssociationConfig) -> NDArray[np.bool_]:
-    inside: NDArray[np.bool_] = (
-        (gaps.line_distance <= config.line_distance_max_m)
-        & (gaps.end_gap <= config.end_gap_max_m)
-        & (np.abs(gaps.angle) <= config.angle_max_rad)
-    )
-    return inside & gaps.same_side if config.facing else inside
+@inner_kernel
+def _gaps(wall, link, along):  # type: ignore[no-untyped-def]
+    """d1 and d2 of a wall and a link of this direction and length."""
+    c, s, length = along[0], along[1], along[2]
+    dx1, dy1, dx2, dy2 = wall[0] - link[0], wall[1] - link[1], wall[2] - link[0], wall[3] - link[1]
+    across1, across2 = dy1 * c - dx1 * s, dy2 * c - dx2 * s
+    at1, at2 = dx1 * c + dy1 * s, dx2 * c + dy2 * s
+    end_gap = 0.0
+    if not (max(at1, at2) >= 0.0 and min(at1, at2) <= length):
+        first = min(math.hypot(at1, across1), math.hypot(at1 - length, across1))
+        end_gap = min(first, math.hypot(at2, across2), math.hypot(at2 - length, across2))
+    return (abs(across1) + abs(across2) + 0.5 * abs(across1 + across2)) / 3.0, end_gap
 
 
-def _closest(
-    gaps: _Gaps, rows: NDArray[np.intp], columns: NDArray[np.intp], chain_ids: NDArray[np.intp]
-) -> list[tuple[int, int]]:
-    """The (feature row, link column) that stands for each feature and chain."""
-    keys = [
-        np.abs(gap[rows, columns]).round(TIE_DECIMALS)
-        for gap in (gaps.angle, gaps.end_gap, gaps.line_distance)
-    ]
-    order = np.lexsort((columns, *keys, chain_ids[columns], rows))
-    best: dict[tuple[int, int], tuple[int, int]] = {}
-    for row, column in zip(rows[order], columns[order], strict=True):
-        best.setdefault((int(row), int(chain_ids[column])), (int(row), int(column)))
-    return list(best.values())
+@inner_kernel
+def _closer(line_distance, end_gap, angle, gaps):  # type: ignore[no-untyped-def]
+    """Whether a link is closer than one before it, which has these gaps."""
+    for one, other in ((line_distance, gaps[0]), (end_gap, gaps[1]), (abs(angle), abs(gaps[2]))):
+        apart = np.rint(one * TIE) - np.rint(other * TIE)
+        if apart != 0.0:
+            return apart < 0.0
+    return False

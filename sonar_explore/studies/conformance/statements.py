@@ -93,7 +93,7 @@ STATEMENTS: tuple[Statement, ...] = (
     ),
     _b(
         "A feature is associated with any link of a chain, not the root alone.",
-        (_ASSOCIATION + "associate", _ASSOCIATION + "_closest"),
+        (_ASSOCIATION + "associate", _ASSOCIATION + "_closer"),
         ("the_closest_link_stands_for_its_chain", "equal_links_give_way_to_the_older"),
     ),
     _b(
