@@ -91,6 +91,7 @@ class Explorer:
             lambda: mind._surroundings.recent_points,
             config.driving,
             None if known_pose is not None else lambda odometry: mind._all_traced(odometry),
+            lambda: None if known_pose is not None else mind._slam.belief,
         )
 
     @property

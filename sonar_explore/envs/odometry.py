@@ -71,6 +71,15 @@ class OdometryError:
             turn_rad * self.turn_scale + self.curvature_rad_m * forward_m + heading_sigma * z_turn,
         )
 
+    @property
+    def as_kernels_take_it(self) -> tuple[float, ...]:
+        """Bend, scale of turns, and the noise: of a metre's length, variances of a full turn and of a metre's drift."""
+        n = self._noise
+        return (
+            *(self.curvature_rad_m, self.turn_scale, n.distance_sigma_m),
+            *(n.turn_sigma_rad**2, n.drift_sigma_rad**2),
+        )
+
     def true_turns(self, turn_rad: float, count: int) -> Array:
         """The same for `count` turns on the spot in a row, shape (count,), [rad]; they shift nothing."""
         z = self._rng.standard_normal((count, 2))  # as many and in the order that single motions would draw

@@ -22,10 +22,12 @@ from sonar_explore.envs.acoustics import (
 from sonar_explore.envs.odometry import OdometryError, OdometryNoise, running_sum
 from sonar_explore.envs.pings import turned_discs
 from sonar_explore.envs.scene import Scene
+from sonar_explore.envs.straight import straight
 from sonar_explore.envs.tick import ODOMETRY, OUTCOME, TRUE, drive_and_fire
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
+from sonar_explore.planning.straight import StraightBit
 from sonar_explore.ring import RingPlan
 
 SCAN_STEP_RAD = math.radians(4.0)  # section IV: 90 readings a turn
@@ -130,7 +132,7 @@ class Simulator:
         robot, ticks, rng = self.config.robot, len(turn_rates_rad_s), self._rng
         most = robot.turn_rate_max_rad_s
         turns = np.clip(turn_rates_rad_s, -most, most) * robot.ping_interval_s
-        draws = np.array([(*rng.standard_normal(3).tolist(), rng.random()) for _ in range(ticks)])
+        draws = np.array([_draws_of_a_tick(rng) for _ in range(ticks)])
         true_headings = running_sum(self.true_pose.heading, self._wheels.true_turns_by(turns, draws[:, 1]))
         counted = running_sum(self.pose_robot_in_odometry.heading, turns)
         fired = (self._next_disc + np.arange(ticks)) % len(self._mounts)
@@ -155,6 +157,57 @@ class Simulator:
         for _ in range(ticks):
             self.time_s += robot.ping_interval_s
         return odometry, rings
+
+    def drive_straight(self, bit: StraightBit) -> Sequence[Pose]:
+        """Ticks on a straight bit of way until something is to be decided, with the draws of single ones:
+        `pose_robot_in_odometry` after each. Belief and echoes go on with them."""
+        robot, generator = self.config.robot, self._rng.bit_generator
+        before = generator.state
+        draws = np.array([_draws_of_a_tick(self._rng) for _ in range(bit.most_ticks)])
+        echoes = bit.echoes.as_kernels_take_it(bit.most_ticks)
+        progress = np.array([bit.since_glance_m, self.time_s, self.driven_m])
+        true, odometry = np.empty((2, bit.most_ticks, 3))
+        sonar = self.config.sonar
+        ticks, held = straight(
+            self._state,
+            (robot.speed_max_m_s, robot.turn_rate_max_rad_s, robot.ping_interval_s, robot.radius_m),
+            self._wheels.as_kernels_take_it,
+            (
+                self._range_scale,
+                sonar.sigma_m,
+                sonar.sigma_per_m,
+                sonar.dropout,
+                sonar.quantum_m,
+                sonar.range_max_m,
+            ),
+            self._next_disc,
+            draws,
+            self._hearing,
+            bit.steering,
+            bit.belief,
+            echoes,
+            ring := self.ring_m.copy(),
+            progress,
+            true,
+            odometry,
+        )
+        if ticks < bit.most_ticks:  # what was drawn too much is drawn again
+            generator.state = before
+            for _ in range(ticks):
+                _draws_of_a_tick(self._rng)
+        bit.echoes.holds(held)
+        bit.since_glance_m, self.time_s, self.driven_m = progress.tolist()
+        poses = [Pose(*row) for row in odometry[:ticks].tolist()]
+        for x, y, heading in true[:ticks].tolist():
+            self.true_pose = Pose(x, y, heading)
+            if not self.true_trail or self.true_pose.distance_to(self.true_trail[-1]) >= 0.05:
+                self.true_trail.append(self.true_pose)
+        if ticks:
+            touching = bool(self._state[OUTCOME, 1])
+            self.contacts += touching and not (ticks == 1 and self.bumper)
+            self.bumper, self.ring_m, self.pose_robot_in_odometry = touching, ring, poses[-1]
+        self._next_disc = (self._next_disc + ticks) % len(self._mounts)
+        return poses
 
     def scan(self, direction: int) -> Scan:
         """Turn once on the spot. The odometry error acts during the turn: the scan is smeared."""
@@ -229,3 +282,8 @@ class Simulator:
         places = (true_pose.x + c * x - s * y, true_pose.y + s * x + c * y, true_headings + heading)
         ranges, _ = echoes(self._scene, np.column_stack(places), self.config.sonar)
         return measured(ranges, self._range_scale, self.config.sonar, self._rng)
+
+
+def _draws_of_a_tick(rng: np.random.Generator) -> tuple[float, ...]:
+    """In their order: of the way, of the turn, of the range; and the chance that the ping goes unheard."""
+    return (*rng.standard_normal(3).tolist(), rng.random())

@@ -12,6 +12,7 @@ import numpy as np
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.geometry import Array, Pose, wrap_angle
 from sonar_explore.planning.echoes import EchoMemory
+from sonar_explore.planning.straight import StraightBit
 from sonar_explore.robot import Robot
 
 FEW = 6  # ticks that are not worth a call for all of them
@@ -69,6 +70,7 @@ class Driver:
         points: Callable[[], Array],
         config: DrivingConfig,
         poses: Callable[[Sequence[Pose]], Sequence[Pose]] | None = None,
+        belief: Callable[[], Array | None] = lambda: None,
     ) -> None:
         """
         Args:
@@ -78,12 +80,19 @@ class Driver:
             points: edges and corners on the map now, not walls, x y, shape (n, 2), [m].
             config: how to drive.
             poses: carries that belief along several readings of the odometry; None where it must be asked each time.
+            belief: what `odometry_filter.carried` carries it by; None where it cannot.
         """
+        self._belief = belief
         self._poses = poses
         self._robot = robot
         self._body = body
         self._pose = pose
         self._config = config
+        self._steering = (
+            *(config.arrived_m, config.aligned_rad, config.speed_m_s, config.brake_m),
+            *(body.radius_m + config.side_m, config.glance_every_m),
+            *(body.turn_rate_max_rad_s, body.ping_interval_s),
+        )
         self._echoes = EchoMemory(body, points)
         self._ticks = 0
         self._listened = False
@@ -109,7 +118,7 @@ class Driver:
         self._here = self._pose()
         while self._ticks < cfg.most_ticks:
             here = self._here
-            distance = math.hypot(x - here.x, y - here.y)
+            distance = math.sqrt((x - here.x) * (x - here.x) + (y - here.y) * (y - here.y))
             error = wrap_angle(math.atan2(y - here.y, x - here.x) - here.heading)
             if distance <= cfg.arrived_m or (distance <= 2.0 * cfg.arrived_m and abs(error) > math.pi / 2):
                 return None
@@ -119,8 +128,7 @@ class Driver:
                 self._turn([self._turn_rate(error)] * self._surely_turning(abs(error) - enough))
                 continue
             if not self._listened:  # a wall close ahead: the disc that hears it may not have fired since
-                for _ in body.sonars:
-                    self._tick(0.0, 0.0)
+                self._turn([0.0] * len(body.sonars))
                 self._listened = True
                 continue
             if self._since_glance >= cfg.glance_every_m and far:
@@ -130,12 +138,38 @@ class Driver:
             obstacle = self._echoes.in_the_way(here, ahead, body.radius_m + cfg.side_m)
             if obstacle is not None:
                 return DriveReport(DriveEnd.BLOCKED, obstacle)
-            speed = min(cfg.speed_m_s, distance / body.ping_interval_s)
-            self._tick(speed, self._turn_rate(error) if far else 0.0)
-            self._since_glance += speed * body.ping_interval_s
+            if not self._go_on(x, y, distance):
+                speed = min(cfg.speed_m_s, distance / body.ping_interval_s)
+                self._tick(speed, self._turn_rate(error) if far else 0.0)
+                self._since_glance += speed * body.ping_interval_s
             if self._robot.bumper:
                 return DriveReport(DriveEnd.BUMPED, np.array([[body.radius_m + 0.02, 0.0]]))
         return None
+
+    def _go_on(self, x: float, y: float, distance: float) -> bool:
+        """The ticks from here to where there is something to decide, in one call; False where that cannot be had."""
+        drive_straight = getattr(self._robot, "drive_straight", None)
+        belief = self._belief() if drive_straight else None
+        if drive_straight is None or self._poses is None or belief is None:
+            return False
+        cfg = self._config
+        to_glance = cfg.glance_every_m - self._since_glance
+        left = min(distance, to_glance if to_glance > 0.0 else math.inf)
+        ticks = math.ceil(left / (cfg.speed_m_s * self._body.ping_interval_s)) + 2
+        bit = StraightBit(
+            steering=(x, y, *self._steering),
+            since_glance_m=self._since_glance,
+            belief=belief,
+            echoes=self._echoes,
+            most_ticks=min(ticks, cfg.most_ticks - self._ticks),
+        )
+        odometry: Sequence[Pose] = drive_straight(bit)
+        if not odometry:
+            return False
+        self._ticks += len(odometry)
+        self._since_glance = bit.since_glance_m
+        self._here = self._poses(odometry)[-1]
+        return True
 
     def _glance(self) -> None:
         """Turn a little left and right, and let every disc fire there: the gaps between their axes are swept."""

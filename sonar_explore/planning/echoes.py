@@ -56,11 +56,9 @@ class EchoMemory:
             poses_robot_in_map: of some ticks, in order.
             rings_m: latest echo of each disc after each tick, shape (ticks, discs), [m].
         """
-        needed = self._count + len(NORMALS_RAD) * rings_m.size
-        while needed > len(self._pieces):
-            self._pieces = np.vstack([self._pieces, np.empty_like(self._pieces)])
+        self._make_room(rings_m.size)
         poses = np.array([(pose.x, pose.y, pose.heading) for pose in poses_robot_in_map])
-        self._count = _note(
+        self._count = note_echoes(
             self._pieces,
             self._count,
             poses,
@@ -70,6 +68,20 @@ class EchoMemory:
             self._range_max_m,
             self._points(),
         )
+
+    def as_kernels_take_it(self, ticks: int) -> tuple[Array, int, Array, Array, float, Array]:
+        """Pieces, with room for what so many ticks may bring, and how many are held; the last ring; mounts, greatest
+        range, points of the map."""
+        self._make_room(ticks + len(self._last))
+        return self._pieces, self._count, self._last, self._mounts, self._range_max_m, self._points()
+
+    def holds(self, count: int) -> None:
+        """A kernel that took it has changed the pieces: so many are held now."""
+        self._count = count
+
+    def _make_room(self, pings: int) -> None:
+        while self._count + len(NORMALS_RAD) * pings > len(self._pieces):
+            self._pieces = np.vstack([self._pieces, np.empty_like(self._pieces)])
 
     def forget(self) -> None:
         """A new scan knows better."""
@@ -89,7 +101,7 @@ class EchoMemory:
             return None
         here = pose_robot_in_map
         c, s = math.cos(here.heading), math.sin(here.heading)
-        piece = _nearest_danger(self._pieces, self._count, here.x, here.y, c, s, ahead_m, room_m)
+        piece = nearest_danger(self._pieces, self._count, here.x, here.y, c, s, ahead_m, room_m)
         if piece < 0:
             return None
         x, y, nx, ny, half, _ = self._pieces[piece]
@@ -99,7 +111,7 @@ class EchoMemory:
 
 
 @kernel
-def _note(pieces, count, poses, rings, last, mounts, range_max, points):  # type: ignore[no-untyped-def]
+def note_echoes(pieces, count, poses, rings, last, mounts, range_max, points):  # type: ignore[no-untyped-def]
     """Doubt, forget and add pieces, tick by tick; how many are held. `last` goes on to the last ring."""
     fresh = np.empty((len(NORMALS_RAD) * len(last), COLUMNS))
     for tick in range(len(poses)):
@@ -195,7 +207,7 @@ def _forget_far(pieces, count, x, y):  # type: ignore[no-untyped-def]
 
 
 @lean_kernel
-def _nearest_danger(pieces, count, x, y, c, s, ahead, room):  # type: ignore[no-untyped-def]
+def nearest_danger(pieces, count, x, y, c, s, ahead, room):  # type: ignore[no-untyped-def]
     """The piece that a drive would come nearest to, of those that it would come too near to; -1 for none."""
     nearest, found = np.inf, -1
     for i in range(count):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
+from sonar_explore.planning.straight import StraightBit
 from sonar_explore.robot import Robot
 
 
@@ -79,11 +80,16 @@ class _Overheard:
         """Drive for one tick at this speed, [m/s] and [rad/s]."""
         self._robot.tick(speed_m_s, turn_rate_rad_s)
 
+    @property
+    def drive_straight(self) -> Callable[[StraightBit], Sequence[Pose]] | None:
+        """Drive a straight bit, where the robot can; the pose after each tick is noted down."""
+        drive = getattr(self._robot, "drive_straight", None)
+        return None if drive is None else lambda bit: self._noted(drive(bit))
+
     def turn(self, turn_rates_rad_s: Array) -> tuple[Sequence[Pose], Array]:
         """Turn on the spot tick by tick at these rates [rad/s]; the pose after each is noted down."""
         odometry, rings = self._robot.turn(turn_rates_rad_s)
-        self._entries.extend(odometry)
-        return odometry, rings
+        return self._noted(odometry), rings
 
     def scan(self, direction: int) -> Scan:
         """A full turn, +1 to the left or -1 to the right, noted down."""
@@ -92,6 +98,10 @@ class _Overheard:
     def ring_scan(self, direction: int) -> Scan:
         """A turn of the ring, +1 to the left or -1 to the right, noted down."""
         return self._note(self._robot.ring_scan(direction))
+
+    def _noted(self, odometry: Sequence[Pose]) -> Sequence[Pose]:
+        self._entries.extend(odometry)
+        return odometry
 
     def _note(self, scan: Scan) -> Scan:
         self._entries.append(scan)

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from sonar_explore.checks import check_numbers
 from sonar_explore.errors import SonarExploreError
-from sonar_explore.geometry import Pose
+from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.agreement import AgreementConfig
 from sonar_explore.slam.association import Association, AssociationConfig
@@ -149,6 +149,11 @@ class Slam(Protocol):
 
     def predict_along(self, odometry: Sequence[Pose]) -> list[Pose]:
         """`predict` at each of these readings."""
+        ...
+
+    @property
+    def belief(self) -> Array | None:
+        """What `odometry_filter.carried` goes on from; None where the belief is carried in another way."""
         ...
 
     def place(self, pose_robot_in_map: Pose) -> None:

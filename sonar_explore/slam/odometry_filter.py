@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.compiled import lean_kernel
+from sonar_explore.compiled import inner_kernel, lean_kernel
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.slam.discs import TurnError
 from sonar_explore.slam.motion import own_part
@@ -25,6 +25,7 @@ from sonar_explore.slam.residuals import Residuals
 
 X, Y, HEADING, TURN, BEND, OWN = range(6)
 SIZE = 6
+SUMS = 6  # where they begin in a belief
 SPREAD_EVERY_M = 0.05  # the covariance is carried along in bits of this length
 
 
@@ -99,27 +100,34 @@ class OdometryFilter:
         return Pose(pose.x + c * x - s * y, pose.y + s * x + c * y, pose.heading + heading)
 
     def moved_along(self, pose: Pose, before: Pose, after: Sequence[Pose]) -> list[Pose]:
-        """`moved` from each reading of the odometry to the next; the pose after each. For turns, in one call."""
-        if self.config.enabled:
-            odometry = np.array([(p.x, p.y, p.heading) for p in (before, *after)])
-            begin = np.array([pose.x, pose.y, pose.heading])
-            wheels = np.array([self.turn_error, self.own_error, self.bend_rad_m])
-            sums = np.array(
-                [self._forward_m, self._turn_rad, self._turned_rad, self._own_rad, self._own_left_rad]
-            )
-            poses = np.empty((len(after), 3))
-            if _turned_along(odometry, begin, wheels, sums, SPREAD_EVERY_M, poses):
-                self._forward_m, self._turn_rad, self._turned_rad, self._own_rad, self._own_left_rad = (
-                    sums.tolist()
-                )
-                found = [pose, *(Pose(*row) for row in poses.tolist())]
-                self._heading_rad = found[-2].heading
-                return found[1:]
-        found = [pose]
-        for here in after:
-            found.append(self.moved(found[-1], before, here))
-            before = here
-        return found[1:]
+        """`moved` from each reading of the odometry to the next, in one call; the pose after each."""
+        if not self.config.enabled:
+            found = [pose]
+            for here in after:
+                found.append(self.moved(found[-1], before, here))
+                before = here
+            return found[1:]
+        odometry = np.array([(p.x, p.y, p.heading) for p in (before, *after)])
+        belief = self.belief(pose)
+        poses, spreads = np.empty((len(after), 3)), np.empty((len(after), 5))
+        for bit in spreads[: _carried_along(odometry, belief, poses, spreads)].tolist():
+            self._forward_m, self._turn_rad, self._turned_rad, self._own_rad, self._heading_rad = bit
+            self._spread()
+        self._forward_m, self._turn_rad, self._turned_rad, self._own_rad, self._own_left_rad = belief[
+            SUMS:
+        ].tolist()
+        found = [Pose(*row) for row in poses.tolist()]
+        self._heading_rad = (pose, *found)[-2].heading
+        return found
+
+    def belief(self, pose: Pose) -> Array:
+        """All that `carried` needs to go on from here."""
+        return np.array(
+            [
+                *(pose.x, pose.y, pose.heading, self.turn_error, self.own_error, self.bend_rad_m),
+                *(self._forward_m, self._turn_rad, self._turned_rad, self._own_rad, self._own_left_rad),
+            ]
+        )
 
     def begin_scan(self, turn_rad: float) -> None:
         """The robot turned by so much, by its odometry, while it took the scan at hand: signed, [rad]."""
@@ -242,26 +250,39 @@ class OdometryFilter:
 
 
 @lean_kernel
-def _turned_along(odometry, begin, wheels, sums, most_forward, poses):  # type: ignore[no-untyped-def]
-    """The poses, and the sums on the way; False where the robot moved on so far that the covariance must spread."""
-    pose_x, pose_y, pose_heading = begin[0], begin[1], begin[2]
-    turn_error, own_error, bend = wheels[0], wheels[1], wheels[2]
+def _carried_along(odometry, belief, poses, spreads):  # type: ignore[no-untyped-def]
+    """The poses, and the sums and the heading whenever the covariance must spread; how often it must."""
+    spread = 0
     for i in range(len(poses)):
-        bx, by, heading = odometry[i, 0], odometry[i, 1], odometry[i, 2]
-        ax, ay, turn = odometry[i + 1, 0], odometry[i + 1, 1], odometry[i + 1, 2] - heading
-        c, s = math.cos(heading), math.sin(heading)
-        x = -c * bx - s * by + c * ax + s * ay
-        y = s * bx - c * by - s * ax + c * ay
-        own = min(max(turn, min(0.0, sums[4])), max(0.0, sums[4]))
-        sums[4] -= own
-        sums[3] += own
-        sums[0] += x
-        sums[1] += turn
-        sums[2] += abs(turn - own)
-        if abs(sums[0]) > most_forward:
-            return False
-        c, s = math.cos(pose_heading), math.sin(pose_heading)
-        pose_x, pose_y = pose_x + c * x - s * y, pose_y + s * x + c * y
-        pose_heading += turn * (1.0 + turn_error) + own * own_error + x * bend
-        poses[i, 0], poses[i, 1], poses[i, 2] = pose_x, pose_y, pose_heading
-    return True
+        if carried(odometry[i], odometry[i + 1], belief, spreads[spread]):
+            spread += 1
+        poses[i, 0], poses[i, 1], poses[i, 2] = belief[0], belief[1], belief[2]
+    return spread
+
+
+@inner_kernel
+def carried(before, after, belief, spread):  # type: ignore[no-untyped-def]
+    """Move a belief, shape (11,), by a short bit of odometry; whether the covariance must spread, and by which sums.
+
+    It holds x, y [m], heading [rad], turn error, own error, bend [rad/m]; and since the last spread: metres forward,
+    turn, turn but for the own part, own part; and how much of the own turn is left [rad].
+    """
+    turn = after[2] - before[2]
+    c, s = math.cos(before[2]), math.sin(before[2])
+    x = -c * before[0] - s * before[1] + c * after[0] + s * after[1]
+    y = s * before[0] - c * before[1] - s * after[0] + c * after[1]
+    own = min(max(turn, min(0.0, belief[10])), max(0.0, belief[10]))
+    belief[10] -= own
+    belief[9] += own
+    belief[6] += x
+    belief[7] += turn
+    belief[8] += abs(turn - own)
+    spreads = abs(belief[6]) > SPREAD_EVERY_M
+    if spreads:
+        spread[0], spread[1], spread[2], spread[3] = belief[6], belief[7], belief[8], belief[9]
+        spread[4] = belief[2]
+        belief[6], belief[7], belief[8], belief[9] = 0.0, 0.0, 0.0, 0.0
+    c, s = math.cos(belief[2]), math.sin(belief[2])
+    belief[0], belief[1] = belief[0] + c * x - s * y, belief[1] + s * x + c * y
+    belief[2] += turn * (1.0 + belief[3]) + own * belief[4] + x * belief[5]
+    return spreads

@@ -72,6 +72,13 @@ class ChainSlam:
         self.pose, self._odometry = poses[-1], odometry[-1]
         return poses
 
+    @property
+    def belief(self) -> Array | None:
+        """What `odometry_filter.carried` goes on from, for who steers by it; None where no filter carries the pose."""
+        if self._odometry is None or not self.config.odometry.enabled:
+            return None
+        return self._filter.belief(self.pose)
+
     def place(self, pose_robot_in_map: Pose) -> None:
         """Say from outside where the robot stands when the next scan begins: that scan is mapped there."""
         if not all(map(math.isfinite, (pose_robot_in_map.x, pose_robot_in_map.y, pose_robot_in_map.heading))):

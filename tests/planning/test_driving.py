@@ -6,12 +6,15 @@ from functools import partial
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.envs.simulator import Simulator, SimulatorConfig
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Pose
 from sonar_explore.planning.driving import DriveEnd, Driver, DrivingConfig
+from sonar_explore.slam import ChainSlam, SlamConfig
 
 CONFIG = SimulatorConfig(noise=noise_preset("ideal"))
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -116,3 +119,62 @@ def test_a_glance_hears_a_wall_wherever_between_the_axes_its_normal_points(seed)
         driver._glance()
         assert driver._echoes.in_the_way(Pose(0.0, 0.0, bearing), 0.5, 0.4) is not None
         assert robot.driven_m == 0.0 and abs(robot.true_pose.heading) < 1e-9
+
+
+class TickByTick:
+    """A robot that cannot steer itself."""
+
+    def __init__(self, robot):
+        self._robot = robot
+
+    def __getattr__(self, name):
+        if name == "drive_straight":
+            raise AttributeError(name)
+        return getattr(self._robot, name)
+
+
+def believing_driver(robot, slam):
+    return Driver(
+        robot,
+        CONFIG.robot,
+        lambda: slam.predict(robot.pose_robot_in_odometry),
+        lambda: np.array([[0.5, 0.5]]),
+        DrivingConfig(),
+        slam.predict_along,
+        lambda: slam.belief,
+    )
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000))
+def test_a_robot_that_steers_itself_drives_hears_and_believes_as_one_that_is_steered(seed):
+    rng = np.random.default_rng(seed)
+    ends, walls = rng.uniform(-2.0, 2.0, (4, 2)), FENCE
+    if rng.random() < 0.7:
+        walls = [*FENCE, *np.hstack([ends, ends + rng.uniform(-0.8, 0.8, (4, 2))]).tolist()]
+    path = np.vstack([[0.0, 0.0], rng.uniform(-1.5, 1.5, (3, 2))])
+    found = []
+    for own in (True, False):
+        world = World(
+            "field", "A field", np.array(walls), np.zeros(len(walls)), np.zeros((0, 3)), ORIGIN, False
+        )
+        simulator = Simulator(world, SimulatorConfig(), np.random.default_rng(seed))
+        slam = ChainSlam(ORIGIN, SlamConfig.robust())
+        driver = believing_driver(simulator if own else TickByTick(simulator), slam)
+        reports = [driver.follow(path) for _ in range(2)]
+        slam._filter._spread()
+        found.append(
+            (
+                [(r.end, r.obstacle.tolist()) for r in reports],
+                (simulator.true_pose, simulator.pose_robot_in_odometry, simulator.ring_m.tolist()),
+                (simulator.time_s, simulator.driven_m, simulator.contacts, simulator.bumper),
+                (simulator.true_trail, simulator._next_disc, simulator._rng.bit_generator.state),
+                (slam.pose, slam._filter.covariance.tolist()),
+                (
+                    driver._echoes._pieces[: driver._echoes._count].tolist(),
+                    driver._ticks,
+                    driver._since_glance,
+                ),
+            )
+        )
+    assert found[0] == found[1]
