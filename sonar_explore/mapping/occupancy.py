@@ -298,11 +298,12 @@ class OccupancyMapper:
             gaps = bridges(np.vstack([walls, np.hstack([feet, feet])]), 2.0 * self._body)
         barriers = np.vstack([walls, gaps])
         drawn.sectors.resize(frame)
-        again = self._to_cut(drawn, poses, looks, scan, pivots, barriers)
+        last_trail = max(0, len(drawn.poses) - 1)  # the one that may have grown since
+        moved, again = self._to_cut(drawn, poses, looks, scan, pivots, barriers)
         for i, clear in zip(again, self._cut(again, looks, ~pivots, barriers), strict=True):
             drawn.sectors.put(i, poses[i], clear, looks[i].core_m)
-        for i, (pose, trail) in enumerate(zip(poses, trails, strict=True)):
-            drawn.sectors.trail(i, pose, trail, self._body)
+        for i in sorted({*moved, *range(last_trail, len(poses))}):
+            drawn.sectors.trail(i, poses[i], trails[i], self._body)
         bridged = np.zeros(frame.shape)
         mark_segments(frame, bridged, gaps, cfg.wall_weight)
         support = np.maximum(wall_evidence, bridged, out=bridged)
@@ -311,13 +312,14 @@ class OccupancyMapper:
 
     def _place(self, poses: Sequence[Pose], looks: Sequence[Look]) -> None:
         """Place what scans say that are new or stand elsewhere now."""
+        known = len(self._placed)
         for i, (pose, look) in enumerate(zip(poses, looks, strict=True)):
-            if i >= len(self._placed) or not self._is_still(self._placed[i].pose, pose):
-                self._placed[i : i + 1] = [_Placed.at(pose, look)]
+            drawn = self._placed[i].pose if i < known else None
+            if drawn is pose or (drawn is not None and self._is_still(drawn, pose)):
+                continue
+            self._placed[i : i + 1] = [_Placed.at(pose, look)]
 
     def _is_still(self, drawn: Pose, pose: Pose) -> bool:
-        if drawn is pose:
-            return True
         turned_m = abs(wrap_angle(pose.heading - drawn.heading)) * self._config.free_range_m
         return drawn.distance_to(pose) + turned_m <= self._config.still_m
 
@@ -329,8 +331,9 @@ class OccupancyMapper:
         scan: NDArray[np.int64],
         pivots: Mask,
         barriers: Array,
-    ) -> list[int]:
-        """Scans that may clear other cells than last time: they moved, or a wall of theirs or near them changed."""
+    ) -> tuple[list[int], list[int]]:
+        """Scans that moved since last time; and those that may clear other cells than then: they moved, or a wall of
+        theirs or near them changed."""
         before = [*drawn.poses, *[None] * (len(poses) - len(drawn.poses))]
         moved = np.array([pose is not then for pose, then in zip(poses, before, strict=True)], dtype=bool)
         changed = differing_rows(barriers, drawn.barriers)
@@ -340,7 +343,7 @@ class OccupancyMapper:
         known = len(drawn.pivots)
         again[scan[:known][pivots[:known] != drawn.pivots]] = True
         drawn.poses, drawn.barriers, drawn.pivots = poses, barriers, pivots
-        return np.flatnonzero(again).tolist()
+        return np.flatnonzero(moved).tolist(), np.flatnonzero(again).tolist()
 
     def _cut(self, again: list[int], looks: Sequence[Look], real: Mask, barriers: Array) -> Array:
         """How far these scans are clear before barriers, and before the continuations of their own real walls; a row
@@ -352,6 +355,10 @@ class OccupancyMapper:
         poses = np.array([(p.x, p.y, p.heading) for p in (self._placed[i].pose for i in again)])
         clear = np.array([looks[i].clear_m for i in again])
         ends = np.cumsum([0, *map(len, own)])
+        reach = float(clear.max()) + 2.0 * self._config.wall_margin_m
+        low, high = poses[:, :2].min(axis=0) - reach, poses[:, :2].max(axis=0) + reach
+        a, b = barriers[:, :2], barriers[:, 2:]
+        barriers = barriers[((np.maximum(a, b) >= low) & (np.minimum(a, b) <= high)).all(axis=1)]
         return cut_all_at_walls(poses, clear, barriers, np.concatenate(own), ends, self._config.wall_margin_m)
 
     def _covering(self, poses: Sequence[Pose]) -> GridFrame:

@@ -46,19 +46,23 @@ def trimmed(walls: Array, points: Array, within_m: float) -> Array:
     if not len(walls) or not len(points):
         return walls
     out = np.empty_like(walls)
-    _trim(walls, points, within_m, out)
+    points = points[np.argsort(points[:, 0])]
+    first = np.searchsorted(points[:, 0], np.minimum(walls[:, 0], walls[:, 2]) - 2.0 * within_m)
+    last = np.searchsorted(points[:, 0], np.maximum(walls[:, 0], walls[:, 2]) + 2.0 * within_m)
+    _trim(walls, points, first, last, within_m, out)
     return out
 
 
 @kernel
-def _trim(walls, points, within, out):  # type: ignore[no-untyped-def]
+def _trim(walls, points, first, last, within, out):  # type: ignore[no-untyped-def]
+    """`points` by their x; none but those from the first to the last can lie on a wall."""
     for i in range(len(walls)):
         x, y = 0.5 * (walls[i, 0] + walls[i, 2]), 0.5 * (walls[i, 1] + walls[i, 3])
         dx, dy = walls[i, 2] - walls[i, 0], walls[i, 3] - walls[i, 1]
         half = 0.5 * math.hypot(dx, dy)
         ux, uy = dx / max(2.0 * half, 1e-9), dy / max(2.0 * half, 1e-9)
         forward = backward = half
-        for k in range(len(points)):
+        for k in range(first[i], last[i]):
             px, py = points[k, 0] - x, points[k, 1] - y
             if abs(px * uy - py * ux) <= within:
                 at = px * ux + py * uy

@@ -36,6 +36,7 @@ class Surroundings:
         self._grids: dict[bool, OccupancyGrid] = {}
         """Of the map as it is, believed and doubted: whichever was asked for."""
         self._plans: dict[tuple[bool, tuple[int, int], bool], SafePaths] = {}
+        self._scan_positions: Array | None = None
         self.version = 0
         """Counts the changes of the evidence."""
         self.daring = False
@@ -68,7 +69,9 @@ class Surroundings:
     @property
     def scan_positions(self) -> Array:
         """x y of every scan, shape (n, 2), map frame, [m]."""
-        return np.array([(e.pose.x, e.pose.y) for e in self._slam.scans])
+        if self._scan_positions is None:
+            self._scan_positions = np.array([(e.pose.x, e.pose.y) for e in self._slam.scans])
+        return self._scan_positions
 
     def add_scan(self, scan: Scan, features: Sequence[Feature]) -> None:
         """The last scan that SLAM has taken; the map is believed again."""
@@ -123,5 +126,6 @@ class Surroundings:
 
     def _changed(self) -> None:
         self.version += 1
+        self._scan_positions = None
         self._grids.clear()
         self._plans.clear()
