@@ -39,8 +39,8 @@ def inlined_kernel(function: F) -> F:
 
 
 def _compiled(function: F, **options: bool) -> F:
-    """None is called from C: a way in for that is left out."""
+    """None is called from C: a way in for that is left out; and tests for division by zero, which none does."""
     if njit is None:
         return function
-    compiled: F = njit(cache=True, no_cfunc_wrapper=True, **options)(function)
+    compiled: F = njit(cache=True, no_cfunc_wrapper=True, error_model="numpy", **options)(function)
     return compiled

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,11 @@ class SonarPhysics:
     temperature_error_k: float = 3.0
     """Standard deviation of the air's temperature from the one assumed: a common scale error, [K]."""
 
+    @cached_property
+    def ear(self) -> Ear:
+        """Mirrors, what each leaves, the range and the beam, as the kernels take them."""
+        return Ear.of(self.ghost_order - 1, self.bounce_loss, self.range_max_m, self.beam)
+
 
 def echoes(scene: Scene, discs: Array, physics: SonarPhysics) -> tuple[Array, NDArray[np.int64]]:
     """First echo of each ping, without noise.
@@ -60,13 +66,8 @@ def echoes(scene: Scene, discs: Array, physics: SonarPhysics) -> tuple[Array, ND
     """
     ranges = np.empty(len(discs))
     kinds = np.empty(len(discs), dtype=np.int64)
-    fire_all(discs, scene.things, scene.index, scene.scratch, ear(physics), ranges, kinds)
+    fire_all(discs, *scene.plain, tuple(physics.ear), ranges, kinds)
     return ranges, kinds
-
-
-def ear(physics: SonarPhysics) -> Ear:
-    """Mirrors, what each leaves, the range and the beam, as the kernels take them."""
-    return Ear.of(physics.ghost_order - 1, physics.bounce_loss, physics.range_max_m, physics.beam)
 
 
 def measured(ranges: Array, scale: float, physics: SonarPhysics, rng: np.random.Generator) -> Array:

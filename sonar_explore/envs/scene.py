@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import shapely
@@ -35,6 +37,11 @@ class Scene:
     """Which of them are near what."""
     scratch: Scratch
     """Room for the kernels to work in."""
+
+    @cached_property
+    def plain(self) -> tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, ...]]:
+        """The three as tuples without names, which numba takes several microseconds faster."""
+        return tuple(self.things), tuple(self.index), tuple(self.scratch)
 
     @staticmethod
     def of(world: World, reach_m: float, roughness: float = 0.0) -> Scene:

@@ -12,7 +12,6 @@ from sonar_explore.amigobot import AmigoBot
 from sonar_explore.checks import check_numbers
 from sonar_explore.envs.acoustics import (
     SonarPhysics,
-    ear,
     echoes,
     measured,
     measured_by,
@@ -62,13 +61,7 @@ class Simulator:
         self.config = config
         sonar = config.sonar
         self._scene = Scene.of(world, sonar.range_max_m, sonar.roughness)
-        self._hearing = (
-            self._scene.things,
-            self._scene.index,
-            self._scene.scratch,
-            ear(sonar),
-            np.empty(1, dtype=np.int64),
-        )
+        self._hearing = (*self._scene.plain, tuple(sonar.ear), np.empty(1, dtype=np.int64))
         self._mounts = np.array([(disc.x, disc.y, disc.heading) for disc in config.robot.sonars])
         self.reset(rng)
 

@@ -6,7 +6,7 @@ import math
 
 from sonar_explore.compiled import inner_kernel, lean_kernel
 from sonar_explore.envs.collision import clearance_at
-from sonar_explore.envs.pings import Ear, Index, Scratch, Things, fire_all
+from sonar_explore.envs.pings import Index, Things, fire_all
 
 TRUE, ODOMETRY, DISC, OUTCOME = range(4)
 """Rows of the state, shape (4, 3): x y heading of robot, odometry and disc [m, rad]; range [m] and touch 0/1."""
@@ -20,13 +20,12 @@ def drive_and_fire(  # type: ignore[no-untyped-def]
 
     At a wall the wheels stall: no way forward, but the robot can turn. Then the disc mounted like this fires.
     """
-    things, index, room, ear = Things(*things), Index(*index), Scratch(*room), Ear(*ear)
     true, odometry, disc, outcome = state[TRUE], state[ODOMETRY], state[DISC], state[OUTCOME]
     x, y, heading = _arc(true[0], true[1], true[2], true_forward, true_turn)
     touching = False
     if forward != 0.0:  # a body overlaps a wall after a move that did not take it away from one
-        gap = clearance_at(x, y, things, index)
-        touching = gap < radius and gap <= clearance_at(true[0], true[1], things, index)
+        gap = clearance_at(x, y, Things(*things), Index(*index))
+        touching = gap < radius and gap <= clearance_at(true[0], true[1], Things(*things), Index(*index))
     if touching:
         x, y, heading, forward = true[0], true[1], true[2] + true_turn, 0.0
     true[0], true[1], true[2] = x, y, heading

@@ -77,7 +77,7 @@ def test_scans_of_shipped_worlds_are_those_of_single_pings(name):
         assert_same(scene, scan_discs(rng, x, y), SonarPhysics())
 
 
-@pytest.mark.parametrize("s_deg, heard_deg", [(3.0, 6.0), (24.7, 26.1), (35.0, 40.0)])
+@pytest.mark.parametrize("s_deg, heard_deg", [(3.0, 6.0), (24.7, 26.1), (35.0, 40.0), (80.0, 80.0)])
 def test_whatever_the_beam_a_scan_is_that_of_single_pings(s_deg, heard_deg):
     rng = np.random.default_rng(11)
     physics = SonarPhysics(beam=Beam(math.radians(s_deg), math.exp(-((heard_deg / s_deg) ** 2))))

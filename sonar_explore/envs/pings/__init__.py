@@ -8,9 +8,10 @@ small circle, share what is the same for all of them:
 - a *view* (`views`) is the circle, or its image in one or two mirrors, and the sources that any of its pings
   could hear, each with the window of headings and the ranges at which it could;
 - from the circle itself, each source also knows the walls and columns that could hide it;
-- walls stand in bins by bearing, for the rays of the fan that look for mirrors (`ghosts`).
+- what is near stands in rows of numbers (`rows`), which loops without branches look through for views and rays;
+- the rays of the fan that look for mirrors (`ghosts`, `rays`) are made from one sine and cosine.
 
-Views and bins only leave out what cannot answer, with a margin far wider than rounding, and keep the order.
+Views, rows and rays only leave out what cannot answer, with a margin far wider than rounding, and keep the order.
 What is left is decided by the same arithmetic as in the plain form (`direct`): results agree to the last bit.
 """
 

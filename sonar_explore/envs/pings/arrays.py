@@ -20,29 +20,25 @@ GHOST = 10
 
 NEAREST_M = 0.02  # nothing nearer is asked for
 WIDEST_RAD = math.radians(80.0)
+FAN_RAD = math.radians(4.0)  # between the rays that look for mirrors, of the AmigoBot's beam
 TOGETHER_M = 0.5  # discs in a box of this size share their views
 EPS_M = 1e-5  # margin of every test that leaves something out: rounding is a millionth of it
 NONE, START = (
     np.int64(-1),
     np.int64(0),
-)  # plain -1 and 0 handed to a kernel would be compiled apart, as constants
-BINS = 72
+)  # plain numbers handed to a kernel would be compiled apart, as constants
+WIDE = np.bool_(False)
 VIEWS = 256
 CELLS = 4  # of 1 m, that a box of `TOGETHER_M` may touch
-LISTS = 11  # rows of `Scratch.lists`:
-(
-    HIDDEN_BY,
-    NEAR_CELLS,
-    KNOWN_VIEWS,
-    NEAR_WALLS,
-    NEAR_WEDGES,
-    NEAR_COLUMNS,
-    SPARE,
-    BIN_FIRST,
-    BIN_ITEMS,
-    LOWS,
-    COUNTS,
-) = range(LISTS)
+LISTS = 9  # rows of `Scratch.lists`:
+HIDDEN_BY, NEAR_CELLS, KNOWN_VIEWS, NEAR_WALLS, NEAR_WEDGES, NEAR_COLUMNS, SPARE, IN_FAN, IN_SIGHT = range(
+    LISTS
+)
+ROWS = 12  # of `Scratch.rows`, each a number of what is near:
+# the first end of each wall and the vector to its second, its roughness; wedges, 1 where they are corners;
+# windows of sources; what was found.
+AX, AY, EX, EY, IS_ROUGH, CX, CY, IS_CORNER, WINDOW_X, WINDOW_Y, WINDOW_COS, FOUND = range(ROWS)
+LANES = 8  # numbers that are worked on at a time: rows are filled up to a multiple
 HIDING = 4096  # places for the lists of what could hide a source
 
 # A source in a view: BX BY mean bearing, COS of the widest angle off it, NEAREST range [m], and the squares of
@@ -105,7 +101,7 @@ class Circle(NamedTuple):
 
 
 class Disc(NamedTuple):
-    """A disc, its images in the first mirror and in the last, and the heading of the last image's beam."""
+    """A disc, its images in the first mirror and in the last, and the direction of the last image's beam."""
 
     px: float
     py: float
@@ -113,7 +109,9 @@ class Disc(NamedTuple):
     q1y: float
     qx: float
     qy: float
-    heading: float
+    c: float
+    """Cosine and sine of the heading of the last image's beam."""
+    s: float
 
 
 class Ear(NamedTuple):
@@ -134,13 +132,22 @@ class Ear(NamedTuple):
     square_widest: float
     fan: float
     """How much wider than the AmigoBot's the fan of rays is that looks for mirrors."""
+    fan_c: float
+    """Cosine and sine of the angle between its rays."""
+    fan_s: float
+    edge_reach: float
+    """Beyond this no edge is heard, [m], and the share of it that a mirror leaves."""
+    edge_loss: float
 
     @staticmethod
     def of(mirrors: int, loss: float, range_max: float, beam: Beam) -> Ear:
         """For these mirrors, this range and this beam."""
         widest = min(WIDEST_RAD, max(math.radians(20.0), beam.half_angle_rad(1.0 / NEAREST_M)))
         shape = beam.s_rad, beam.threshold, beam.edge_strength
-        return Ear(mirrors, loss, range_max, *shape, math.cos(widest), widest**2, beam.s_rad / S_RAD)
+        fan = beam.s_rad / S_RAD
+        rays = fan, math.cos(fan * FAN_RAD), math.sin(fan * FAN_RAD)
+        edges = (beam.edge_strength / beam.threshold) ** (2.0 / 3.0), loss ** (4.0 / 3.0)
+        return Ear(mirrors, loss, range_max, *shape, math.cos(widest), widest**2, *rays, *edges)
 
 
 class Scratch(NamedTuple):
@@ -151,18 +158,22 @@ class Scratch(NamedTuple):
     ids: NDArray[np.int64]
     """Of the same sources, columns `WHAT` to `COLUMNS_TO`."""
     lists: NDArray[np.int64]
-    """Rows of whole numbers, `HIDDEN_BY` to `COUNTS`."""
+    """Rows of whole numbers, `HIDDEN_BY` to `IN_SIGHT`."""
+    rows: Array
+    """Rows of what is near, `AX` to `FOUND`, for loops that look at all of it at once."""
 
     @staticmethod
     def of(counts: Sequence[int], busiest: Sequence[int]) -> Scratch:
         """Given how many walls, wedges and columns there are, and how many at most near one cell."""
         near = [min(count, CELLS * most) for count, most in zip(counts, busiest, strict=True)]
         rows = 4 * (2 * near[0] + near[1] + near[2]) + 64
-        longest = max(HIDING, VIEWS, BINS * near[0], *near)
+        most = 2 * near[0] + near[1] + near[2] + LANES
+        longest = max(HIDING, VIEWS, most)
         return Scratch(
             np.empty((rows, 6)),
             np.empty((rows, 7), dtype=np.int64),
             np.empty((LISTS, longest), dtype=np.int64),
+            np.empty((ROWS, most)),
         )
 
 

@@ -6,15 +6,13 @@ import math
 
 from sonar_explore.compiled import inlined_kernel, inner_kernel
 from sonar_explore.envs.pings.arrays import (
-    BX,
-    BY,
     COLUMN,
     COLUMNS_FROM,
     COLUMNS_TO,
     CORNER,
-    COS,
     CYLINDER,
     EDGE,
+    HIDDEN_BY,
     LOUD,
     MUTE,
     NEAREST,
@@ -52,9 +50,10 @@ def _heard(on_axis, along, across, mute, loud, ear):  # type: ignore[no-untyped-
 
 
 @inlined_kernel
-def _echo(what, i, opens, disc, c, s, gain, best, mute, loud, things, ear):  # type: ignore[no-untyped-def]
-    """Range [m] at which q hears source i in a beam along (c, s), -1 where not or not nearer than `best`; its place."""
+def _echo(what, i, opens, disc, gain, best, mute, loud, things, ear):  # type: ignore[no-untyped-def]
+    """Range [m] at which q hears source i in its beam, -1 where not or not nearer than `best`; its place."""
     walls, wedges, cylinders, qx, qy = things.walls, things.wedges, things.cylinders, disc.qx, disc.qy
+    c, s = disc.c, disc.s
     sx, sy, r, along, on_axis = 0.0, 0.0, -1.0, 0.0, 0.0
     if what == WALL:
         ax, ay = walls[i, 0], walls[i, 1]
@@ -139,19 +138,19 @@ def _reachable(disc, circle, sx, sy, own_wall, own_cylinder, things, near, ids, 
 
 
 @inner_kernel
-def nearest_source(disc, circle, range_max, things, near, source, ids, first, last, hiding, ear):  # type: ignore[no-untyped-def]
-    """Nearest of a view's sources above the threshold as the disc's last image hears it: range [m] and kind."""
-    best, kind = range_max, NOTHING
-    c, s = math.cos(disc.heading), math.sin(disc.heading)
-    for k in range(first, last):
-        if c * source[k, BX] + s * source[k, BY] < source[k, COS] or source[k, NEAREST] >= best:
+def nearest_source(disc, circle, range_max, things, near, room, places, count, ear):  # type: ignore[no-untyped-def]
+    """Nearest of these sources of a view above the threshold as the disc's last image hears it: range [m] and kind."""
+    best, kind, source, ids = range_max, NOTHING, room.source, room.ids
+    for j in range(count):
+        k = places[j]
+        if source[k, NEAREST] >= best:
             continue
         what, i, mute, loud = ids[k, WHAT], ids[k, WHICH], source[k, MUTE], source[k, LOUD]
-        r, sx, sy = _echo(what, i, ids[k, OPENS], disc, c, s, circle.gain, best, mute, loud, things, ear)
+        r, sx, sy = _echo(what, i, ids[k, OPENS], disc, circle.gain, best, mute, loud, things, ear)
         if r < 0.0:
             continue
         wall = i if what in (WALL, ROUGH_WALL) else NONE
         column = i if what == COLUMN else NONE
-        if _reachable(disc, circle, sx, sy, wall, column, things, near, ids, k, hiding):
+        if _reachable(disc, circle, sx, sy, wall, column, things, near, ids, k, room.lists[HIDDEN_BY]):
             best, kind = r, _kind(what, i, things.wedges)
     return best, kind

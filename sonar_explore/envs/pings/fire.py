@@ -6,7 +6,8 @@ import math
 
 from sonar_explore.compiled import inner_kernel, lean_kernel
 from sonar_explore.envs.pings.arrays import (
-    HIDDEN_BY,
+    EPS_M,
+    IN_SIGHT,
     NEAR_CELLS,
     NEAR_COLUMNS,
     NEAR_WALLS,
@@ -19,17 +20,23 @@ from sonar_explore.envs.pings.arrays import (
     WALLS_FROM,
     Circle,
     Disc,
+    Ear,
+    Index,
     Near,
+    Scratch,
+    Things,
     cell_of,
 )
 from sonar_explore.envs.pings.direct import nearest_source
-from sonar_explore.envs.pings.ghosts import ghosts
-from sonar_explore.envs.pings.views import hidden_by, view
+from sonar_explore.envs.pings.ghosts import ghost
+from sonar_explore.envs.pings.rows import fill_rows, fill_windows, find_in_sight, listed
+from sonar_explore.envs.pings.views import OPEN, hidden_by, view
 
 
 @lean_kernel
 def fire_all(discs, things, index, room, ear, ranges, kinds):  # type: ignore[no-untyped-def]
-    """First echo of each disc (x, y, heading), into `ranges` and `kinds`."""
+    """First echo of each disc (x, y, heading), into `ranges` and `kinds`; the four in the middle as plain tuples."""
+    things, index, room, ear = Things(*things), Index(*index), Scratch(*room), Ear(*ear)
     stop = START
     while stop < len(discs):
         start = stop
@@ -43,27 +50,37 @@ def fire_all(discs, things, index, room, ear, ranges, kinds):  # type: ignore[no
 @inner_kernel
 def _fire_together(discs, start, stop, circle, n_cells, things, index, room, ear, ranges, kinds):  # type: ignore[no-untyped-def]
     """The same for discs that share a view: what is heard directly, and where nothing is, ghosts."""
-    source, ids, lists = room.source, room.ids, room.lists
-    near = _all_near(index, lists, n_cells)
-    seen = view(circle, things, near, source, ids, START, ear)
-    if stop - start > 3:  # for few pings the lists do not pay
-        seen = hidden_by(circle, things, near, source, ids, seen, lists[HIDDEN_BY])
-    else:
+    reach, rows, in_sight = ear.range_max, room.rows, room.lists[IN_SIGHT]
+    near, many, known = _all_near(index, room.lists, n_cells), stop - start > 3, START
+    fill_rows(things, near.walls, near.wedges, rows)
+    seen = view(circle, OPEN, min(reach, ear.edge_reach), things, near, room, START, many, ear)
+    if many:
+        seen = hidden_by(circle, things, near, room, seen)
+    else:  # for few pings the lists do not pay
         for k in range(seen):
-            ids[k, WALLS_FROM] = -1
-    silent = 0
+            room.ids[k, WALLS_FROM] = -1
+    fill_windows(room.source, seen, rows)
+    all_inside = _is_inside(circle, index.frame)
     for n in range(start, stop):
         px, py, heading = discs[n, 0], discs[n, 1], discs[n, 2]
-        if cell_of(px, py, index.frame) < 0:
+        if not all_inside and cell_of(px, py, index.frame) < 0:
             continue
-        disc = Disc(px, py, px, py, px, py, heading)
-        r, k = nearest_source(
-            disc, circle, ear.range_max, things, near, source, ids, START, seen, lists[HIDDEN_BY], ear
-        )
+        disc = Disc(px, py, px, py, px, py, math.cos(heading), math.sin(heading))
+        find_in_sight(disc.c, disc.s, seen, rows)
+        count = listed(seen, rows, in_sight)
+        r, k = nearest_source(disc, circle, reach, things, near, room, in_sight, count, ear)
+        if k == NOTHING and ear.mirrors > 0:
+            cell = cell_of(px, py, index.frame)
+            allowed = index.wall_items[index.wall_first[cell] : index.wall_first[cell + 1]]
+            r, k, known = ghost(disc, heading, allowed, circle, things, near, room, ear, seen, known)
         ranges[n], kinds[n] = r, k
-        silent += k == NOTHING
-    if silent and ear.mirrors > 0:
-        ghosts(discs, start, stop, circle, things, index, near, room, ear, ranges, kinds)
+
+
+@inner_kernel
+def _is_inside(circle, frame):  # type: ignore[no-untyped-def]
+    """Whether all discs are surely in cells of the index."""
+    x, y, rho = circle.x, circle.y, circle.rho + EPS_M
+    return cell_of(x - rho, y - rho, frame) >= 0 and cell_of(x + rho, y + rho, frame) >= 0
 
 
 @inner_kernel
@@ -76,11 +93,13 @@ def _all_near(index, lists, n_cells):  # type: ignore[no-untyped-def]
     return Near(lists[NEAR_WALLS, :walls], lists[NEAR_WEDGES, :wedges], lists[NEAR_COLUMNS, :columns])
 
 
-@lean_kernel
+@inner_kernel
 def _near(cells, n_cells, first, items, near, spare):  # type: ignore[no-untyped-def]
     """What is near any of these cells, rising, into `near`: how many."""
-    n = 0
-    for cell in cells[:n_cells]:
+    n = first[cells[0] + 1] - first[cells[0]]
+    for k in range(n):
+        near[k] = items[first[cells[0]] + k]
+    for cell in cells[1:n_cells]:
         for k in range(n):
             spare[k] = near[k]
         i, j, had, n = 0, first[cell], n, 0

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import math
 
-from sonar_explore.compiled import inner_kernel, lean_kernel
+from sonar_explore.compiled import inner_kernel
 
 
-@lean_kernel
+@inner_kernel
 def crossing(px, py, qx, qy, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Where p->q crosses a-b, as a share of p->q; -1 where it does not. The last micrometre does not count."""
+    """Where p->q crosses a-b, as a share of p->q; -1 where it does not. The last micrometre does not count.
+
+    A quotient is below 0 or above 1 exactly where its parts say so: only what is hit is divided.
+    """
     dx, dy = qx - px, qy - py
     ex, ey = bx - ax, by - ay
-    denominator = dx * ey - dy * ex
-    if denominator == 0.0:
+    across = dx * ey - dy * ex
+    if across == 0.0:
         return -1.0
-    u = ((ax - px) * ey - (ay - py) * ex) / denominator
-    if u < 0.0 or u > 1.0:
+    sign = math.copysign(1.0, across)
+    along = sign * ((ax - px) * ey - (ay - py) * ex)
+    off = sign * ((ax - px) * dy - (ay - py) * dx)
+    across = sign * across
+    if (along < 0.0) | (along > across) | (off < 0.0) | (off > across):  # one branch: most are missed
         return -1.0
-    v = ((ax - px) * dy - (ay - py) * dx) / denominator
-    if v < 0.0 or v > 1.0:
-        return -1.0
-    return u
+    return along / across
 
 
 @inner_kernel
@@ -49,7 +52,7 @@ def is_clear(px, py, qx, qy, walls, cylinders, near_walls, near_cylinders, skip_
     return True
 
 
-@lean_kernel
+@inner_kernel
 def mirrored(x, y, walls, i):  # type: ignore[no-untyped-def]
     """Image of a point in wall i's line."""
     ax, ay = walls[i, 0], walls[i, 1]
@@ -62,20 +65,6 @@ def mirrored(x, y, walls, i):  # type: ignore[no-untyped-def]
 def mirrored_heading(heading, walls, i):  # type: ignore[no-untyped-def]
     """Heading of the image of a beam in wall i's line."""
     return 2.0 * math.atan2(walls[i, 3] - walls[i, 1], walls[i, 2] - walls[i, 0]) - heading
-
-
-@inner_kernel
-def may_cross(cx, cy, sx, sy, slack, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """False only where no path between points within `slack` of c and of s meets the wall a-b."""
-    dx, dy = sx - cx, sy - cy
-    a = dx * (ay - cy) - dy * (ax - cx)
-    b = dx * (by - cy) - dy * (bx - cx)
-    if a * b > 0.0 and min(a * a, b * b) > slack * slack * (dx * dx + dy * dy):
-        return False
-    ex, ey = bx - ax, by - ay
-    c = ex * (cy - ay) - ey * (cx - ax)
-    s = ex * (sy - ay) - ey * (sx - ax)
-    return not (c * s > 0.0 and min(c * c, s * s) > slack * slack * (ex * ex + ey * ey))
 
 
 @inner_kernel

@@ -6,136 +6,81 @@ import math
 
 from sonar_explore.compiled import inner_kernel
 from sonar_explore.envs.pings.arrays import (
-    BIN_FIRST,
-    BIN_ITEMS,
-    BINS,
-    COUNTS,
-    EPS_M,
+    BX,
+    BY,
+    COS,
+    FAN_RAD,
     GHOST,
-    HIDDEN_BY,
+    IN_FAN,
+    IN_SIGHT,
     KNOWN_VIEWS,
-    LOWS,
     NONE,
     NOTHING,
-    SPARE,
-    START,
     VIEWS,
     Circle,
     Disc,
-    cell_of,
 )
 from sonar_explore.envs.pings.direct import nearest_source
-from sonar_explore.envs.pings.geometry import crossing, mirrored, mirrored_heading
-from sonar_explore.envs.pings.views import view
+from sonar_explore.envs.pings.geometry import mirrored, mirrored_heading
+from sonar_explore.envs.pings.rays import UNSURE, first_mirror, first_on_the_way, second_mirror, surely_first
+from sonar_explore.envs.pings.rows import find_in_fan, listed
+from sonar_explore.envs.pings.views import mirror_view
 
-_FAN_RAD = tuple(math.radians(d) for d in (0.0, -4.0, 4.0, -8.0, 8.0))  # of the AmigoBot's beam
-
-
-@inner_kernel
-def _bins(circle, range_max, walls, near_walls, lists):  # type: ignore[no-untyped-def]
-    """Walls by the bearings under which a ray from the circle may meet them: first and items, ascending in a bin."""
-    lows, counts, first, filled, items = (
-        lists[LOWS],
-        lists[COUNTS],
-        lists[BIN_FIRST],
-        lists[SPARE],
-        lists[BIN_ITEMS],
-    )
-    vx, vy, width, slack = circle.x, circle.y, 2.0 * math.pi / BINS, circle.rho + EPS_M
-    for j in range(BINS + 1):
-        first[j] = 0
-    for k in range(len(near_walls)):
-        i = near_walls[k]
-        ax, ay, bx, by = walls[i, 0] - vx, walls[i, 1] - vy, walls[i, 2] - vx, walls[i, 3] - vy
-        ex, ey = bx - ax, by - ay
-        t = min(1.0, max(0.0, -(ax * ex + ay * ey) / (ex * ex + ey * ey)))
-        nearest = math.sqrt((ax + t * ex) ** 2 + (ay + t * ey) ** 2)
-        lows[k], counts[k] = 0, BINS
-        if nearest > range_max + slack:
-            counts[k] = 0
-        elif nearest > slack:
-            a, b = math.atan2(ay, ax), math.atan2(by, bx)
-            more_a = math.asin(min(1.0, slack / math.sqrt(ax * ax + ay * ay)))
-            more_b = math.asin(min(1.0, slack / math.sqrt(bx * bx + by * by)))
-            if ax * by - ay * bx < 0.0:
-                a, b, more_a, more_b = b, a, more_b, more_a
-            if b < a:
-                b += 2.0 * math.pi
-            low = int(math.floor((a - more_a) / width - 1e-6))
-            high = int(math.floor((b + more_b) / width + 1e-6))
-            if high - low + 1 < BINS:
-                lows[k], counts[k] = low, high - low + 1
-        for j in range(counts[k]):
-            first[(lows[k] + j) % BINS + 1] += 1
-    for j in range(BINS):
-        first[j + 1] += first[j]
-        filled[j] = first[j]
-    for k in range(len(near_walls)):
-        for j in range(counts[k]):
-            cell = (lows[k] + j) % BINS
-            items[filled[cell]] = near_walls[k]
-            filled[cell] += 1
+_OFFSETS_RAD = tuple(step * FAN_RAD for step in (0.0, -1.0, 1.0, -2.0, 2.0))
 
 
 @inner_kernel
-def _first_hit(px, py, qx, qy, walls, items, first, last, skip):  # type: ignore[no-untyped-def]
-    """The nearest wall on the ray p->q: its index, -1 where none, and where, as a share of the ray."""
-    best, hit = 2.0, -1
-    for k in range(first, last):
-        i = items[k]
-        if i == skip:
-            continue
-        u = crossing(px, py, qx, qy, walls[i, 0], walls[i, 1], walls[i, 2], walls[i, 3])
-        if 1e-9 < u < best:
-            best, hit = u, i
-    return hit, best
+def ghost(silent, heading, allowed, circle, things, near, room, ear, base, known):  # type: ignore[no-untyped-def]
+    """Range [m] and kind of the nearest ghost that a silent disc hears, and how many views there are now.
 
-
-@inner_kernel
-def ghosts(discs, start, stop, circle, things, index, near, room, ear, ranges, kinds):  # type: ignore[no-untyped-def]
-    """For each silent disc the nearest source heard by way of the walls that a fan of rays in its beam meets."""
-    binned = stop - start > 3
-    if binned:
-        _bins(circle, ear.range_max, things.walls, near.walls, room.lists)
-    known = START
-    for n in range(start, stop):
-        if kinds[n] == NOTHING:
-            ranges[n], kinds[n], known = _ghost(
-                discs[n], circle, things, index, near, room, ear, binned, known
-            )
-
-
-@inner_kernel
-def _ghost(disc, circle, things, index, near, room, ear, binned, known):  # type: ignore[no-untyped-def]
-    """Range [m] and kind of the nearest ghost that one disc hears, and how many views there are now."""
-    px, py, heading = disc[0], disc[1], disc[2]
+    It is heard by way of the walls that a fan of rays in the beam meets; `allowed` are those near the disc's cell.
+    Sources of views stand from row `base` on.
+    """
     best, kind = ear.range_max, NOTHING
-    cell = cell_of(px, py, index.frame)
-    if cell < 0:
-        return best, kind, known
-    walls, lists = things.walls, room.lists
-    seen_1, seen_2 = -1, -1
-    for offset in _FAN_RAD:
-        bearing = heading + ear.fan * offset
-        w1, hx, hy = _first_mirror(px, py, bearing, ear.range_max, walls, near.walls, lists, binned)
+    walls, rows, lists, reach = things.walls, room.rows, room.lists, ear.range_max
+    px, py, c, s = silent.px, silent.py, silent.c, silent.s
+    blur = 1e-6 + 1e-11 * (abs(px) + abs(py))
+    half_c, half_s = ear.fan_c, ear.fan_s
+    turn_c, turn_s = half_c * half_c - half_s * half_s, 2.0 * half_c * half_s
+    fan, count = lists[IN_FAN], len(near.walls)
+    side = (
+        reach if turn_c > 0.2 else 0.0
+    )  # no sides where they would be half a turn apart: all walls are in it
+    left_x, left_y = side * (c * turn_c - s * turn_s), side * (s * turn_c + c * turn_s)
+    right_x, right_y = side * (c * turn_c + s * turn_s), side * (s * turn_c - c * turn_s)
+    find_in_fan(px, py, left_x, left_y, right_x, right_y, blur, count, rows)
+    count = listed(count, rows, fan)
+    seen_1, seen_2 = NONE, NONE
+    for ray in range(5):
+        bearing, rc, rs = heading + ear.fan * _OFFSETS_RAD[ray], c, s
+        if ray > 0:
+            along, side = (half_c, half_s) if ray < 3 else (turn_c, turn_s)
+            side = side if ray % 2 == 0 else -side
+            rc, rs = c * along - s * side, s * along + c * side
+        w1, u = surely_first(px, py, reach * rc, reach * rs, blur, near.walls, rows, fan, count)
+        hx, hy = px + u * reach * rc, py + u * reach * rs
+        if w1 == UNSURE:
+            w1, hx, hy = first_mirror(px, py, bearing, reach, walls, near.walls)
         if w1 < 0 or w1 in (seen_1, seen_2):
             continue
         seen_2 = seen_1
         seen_1 = w1
         w2 = NONE
+        h1, v1 = _reflected(c, s, walls, w1)
         for mirror_count in range(1, 1 + min(ear.mirrors, 2)):
             if mirror_count == 2:
                 if kind != NOTHING:
                     break
-                ray = mirrored_heading(bearing, walls, w1)
-                rx, ry = hx + ear.range_max * math.cos(ray), hy + ear.range_max * math.sin(ray)
-                first, last = index.wall_first[cell], index.wall_first[cell + 1]
-                w2, _ = _first_hit(hx, hy, rx, ry, walls, index.wall_items, first, last, w1)
+                rc, rs = _reflected(rc, rs, walls, w1)
+                w2, _ = first_on_the_way(hx, hy, reach * rc, reach * rs, blur, near.walls, room, allowed, w1)
+                if w2 == UNSURE:
+                    w2 = second_mirror(px, py, bearing, reach, walls, w1, allowed)
                 if w2 < 0:
                     break
-            place, known = _view_by(w1, w2, circle, things, near, room, known, ear)
-            first, last = lists[KNOWN_VIEWS, place + 2], lists[KNOWN_VIEWS, place + 3]
-            if first == last:
+                h1, v1 = _reflected(h1, v1, walls, w2)
+            place, known = _view_by(w1, w2, circle, things, near, room, ear, base, known)
+            in_sight = _in_sight(h1, v1, room, lists[KNOWN_VIEWS, place + 2], lists[KNOWN_VIEWS, place + 3])
+            if in_sight == 0:
                 continue
             h = mirrored_heading(heading, walls, w1)
             q1x, q1y = mirrored(px, py, walls, w1)
@@ -144,48 +89,48 @@ def _ghost(disc, circle, things, index, near, room, ear, binned, known):  # type
                 h = mirrored_heading(h, walls, w2)
                 qx, qy = mirrored(q1x, q1y, walls, w2)
                 gain = ear.loss**4
-            image = Disc(px, py, q1x, q1y, qx, qy, h)
+            image = Disc(px, py, q1x, q1y, qx, qy, math.cos(h), math.sin(h))
             by = Circle(circle.x, circle.y, circle.rho, gain, w1, w2)
-            r, k = nearest_source(
-                image, by, best, things, near, room.source, room.ids, first, last, lists[HIDDEN_BY], ear
-            )
+            r, k = nearest_source(image, by, best, things, near, room, lists[IN_SIGHT], in_sight, ear)
             if k != NOTHING:
                 best, kind = r, k + mirror_count * GHOST
     return best, kind, known
 
 
 @inner_kernel
-def _first_mirror(px, py, bearing, range_max, walls, near_walls, lists, binned):  # type: ignore[no-untyped-def]
-    """The first wall on a ray from the disc, -1 for none, and where it is met."""
-    c, s = math.cos(bearing), math.sin(bearing)
-    items, first, last = near_walls, 0, len(near_walls)
-    if binned:
-        b = int(math.floor(bearing / (2.0 * math.pi / BINS))) % BINS
-        items, first, last = lists[BIN_ITEMS], lists[BIN_FIRST, b], lists[BIN_FIRST, b + 1]
-    w, u = _first_hit(px, py, px + range_max * c, py + range_max * s, walls, items, first, last, NONE)
-    return w, px + u * range_max * c, py + u * range_max * s
+def _reflected(c, s, walls, i):  # type: ignore[no-untyped-def]
+    """A direction after its reflection by wall i, but for rounding."""
+    ex, ey = walls[i, 2] - walls[i, 0], walls[i, 3] - walls[i, 1]
+    twice = 2.0 * (c * ex + s * ey) / (ex * ex + ey * ey)
+    return twice * ex - c, twice * ey - s
 
 
 @inner_kernel
-def _view_by(w1, w2, circle, things, near, room, known, ear):  # type: ignore[no-untyped-def]
+def _in_sight(c, s, room, first, last):  # type: ignore[no-untyped-def]
+    """Sources of a view that a beam along (c, s), known but for rounding, may hear, into row `IN_SIGHT`: how many."""
+    places, source, count = room.lists[IN_SIGHT], room.source, 0
+    for k in range(first, last):
+        if c * source[k, BX] + s * source[k, BY] >= source[k, COS] - 1e-9:
+            places[count] = k
+            count += 1
+    return count
+
+
+@inner_kernel
+def _view_by(w1, w2, circle, things, near, room, ear, base, known):  # type: ignore[no-untyped-def]
     """The view by way of these mirrors, made at its first use: where it stands among them, and how many there are.
 
     Four numbers each: the mirrors, the first source, the end.
     """
-    views, walls = room.lists[KNOWN_VIEWS], things.walls
+    views = room.lists[KNOWN_VIEWS]
     for k in range(known):
         if views[4 * k] == w1 and views[4 * k + 1] == w2:
             return 4 * k, known
-    first = views[4 * known - 1] if known else 0
+    first = views[4 * known - 1] if known > 0 else base
     most = 2 * len(near.walls) + len(near.wedges) + len(near.cylinders) + 1
     if 4 * known + 4 > VIEWS or first + most > len(room.source):
-        known, first = 0, 0
-    qx, qy = mirrored(circle.x, circle.y, walls, w1)
-    gain = ear.loss * ear.loss
-    if w2 >= 0:
-        qx, qy = mirrored(qx, qy, walls, w2)
-        gain *= gain
-    last = view(Circle(qx, qy, circle.rho, gain, w1, w2), things, near, room.source, room.ids, first, ear)
+        known, first = 0, base
+    last = mirror_view(w1, w2, circle, things, near, room, first, ear)
     k = 4 * known
     views[k], views[k + 1], views[k + 2], views[k + 3] = w1, w2, first, last
     return k, known + 1

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from sonar_explore.compiled import inlined_kernel, inner_kernel, lean_kernel
+from sonar_explore.compiled import inlined_kernel, inner_kernel
 from sonar_explore.envs.pings.arrays import (
     BX,
     BY,
@@ -13,6 +14,8 @@ from sonar_explore.envs.pings.arrays import (
     COLUMNS_TO,
     COS,
     EPS_M,
+    FOUND,
+    HIDDEN_BY,
     LOUD,
     MUTE,
     NEAREST,
@@ -26,32 +29,46 @@ from sonar_explore.envs.pings.arrays import (
     WEDGE,
     WHAT,
     WHICH,
+    WIDE,
+    Circle,
 )
-from sonar_explore.envs.pings.geometry import may_cross, mirrored, must_cross
+from sonar_explore.envs.pings.geometry import mirrored, must_cross
+from sonar_explore.envs.pings.rows import find_between, find_feet, find_wedges, shut
 
 HIDDEN = -2
 
 
+class Gates(NamedTuple):
+    """What sound must pass on its way from a view to a source, seen as a straight line; the middle is at (0, 0)."""
+
+    ax: float
+    """Ends of the last mirror, [m]."""
+    ay: float
+    bx: float
+    by: float
+    side_ab: float
+    """On which side of it the middle lies, 0 where parts of the circle lie on either: [m] times the mirror's length."""
+    apart_ab: float
+    """The square of what is on either side."""
+    cx: float
+    """The same of the first mirror's image in the last; of the last again where there is one."""
+    cy: float
+    dx: float
+    dy: float
+    side_cd: float
+    apart_cd: float
+
+
+OPEN = Gates(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""No gates: what is seen from the discs themselves."""
+
+
 @inner_kernel
-def _through(circle, sx, sy, walls):  # type: ignore[no-untyped-def]
-    """False only where no path from the circle to points as near to s meets its mirrors."""
-    vx, vy, slack, mirror_1, mirror_2 = (
-        circle.x,
-        circle.y,
-        circle.rho + EPS_M,
-        circle.mirror_1,
-        circle.mirror_2,
-    )
-    if mirror_1 < 0:
-        return True
-    w = mirror_1 if mirror_2 < 0 else mirror_2
-    if not may_cross(vx, vy, sx, sy, slack, walls[w, 0], walls[w, 1], walls[w, 2], walls[w, 3]):
-        return False
-    if mirror_2 < 0:
-        return True
-    ax, ay = mirrored(walls[mirror_1, 0], walls[mirror_1, 1], walls, mirror_2)
-    bx, by = mirrored(walls[mirror_1, 2], walls[mirror_1, 3], walls, mirror_2)
-    return may_cross(vx, vy, sx, sy, slack, ax, ay, bx, by)
+def _side(ax, ay, bx, by, slack):  # type: ignore[no-untyped-def]
+    """`side_ab` and `apart_ab` of a gate."""
+    ex, ey = bx - ax, by - ay
+    side, apart = ey * ax - ex * ay, slack * slack * (ex * ex + ey * ey)
+    return side if side * side > apart else 0.0, apart
 
 
 @inner_kernel
@@ -65,25 +82,30 @@ def amplitude(what, r, gain, i, things, ear):  # type: ignore[no-untyped-def]
     return gain / r
 
 
-@lean_kernel
-def _put(source, place, what, i, dx, dy, off, spread, circle, things, ear):  # type: ignore[no-untyped-def]
+@inner_kernel
+def _put(source, place, what, i, dx, dy, off, spread, circle, things, narrow, ear):  # type: ignore[no-untyped-def]
     """Fill in a source seen at (dx, dy) from the middle of a view; False where no ping of the view can hear it.
 
     `off` is what its range is shorter than that distance, `spread` how far the bearing's vector may be off, both [m].
+    The window is as `narrow` as can be where many pings will use it, else a little wider and sooner computed.
     """
-    rho, gain = circle.rho + EPS_M, circle.gain
+    rho = circle.rho + EPS_M
     distance = math.sqrt(dx * dx + dy * dy)
     nearest = max(distance - off - rho, 1e-6)
     if nearest >= ear.range_max:
         return False
-    loudest = amplitude(what, nearest, gain, i, things, ear)
-    if loudest < ear.threshold * (1.0 - 1e-9):
+    ratio = amplitude(what, nearest, circle.gain, i, things, ear) / ear.threshold
+    if ratio < 1.0 - 1e-9:
         return False
-    least = amplitude(what, distance + rho, gain, i, things, ear)  # farther than any: the softest it can be
-    mute = ear.s * ear.s * math.log(loudest / ear.threshold) * (1.0 + 1e-9) + 1e-9
-    source[place, MUTE] = mute
-    source[place, LOUD] = ear.s * ear.s * math.log(least / ear.threshold) * (1.0 - 1e-9) - 1e-9
-    source[place, NEAREST] = nearest
+    loud = -1.0
+    if narrow:
+        log_ratio = math.log(ratio)
+        least = amplitude(what, distance + rho, circle.gain, i, things, ear)  # farther than any: the softest
+        loud = ear.s * ear.s * math.log(least / ear.threshold) * (1.0 - 1e-9) - 1e-9
+    else:
+        log_ratio = (ratio - 1.0) / math.sqrt(ratio)  # at least the logarithm
+    mute = ear.s * ear.s * log_ratio * (1.0 + 1e-9) + 1e-9
+    source[place, MUTE], source[place, LOUD], source[place, NEAREST] = mute, loud, nearest
     if distance <= 2.0 * rho + spread + EPS_M:
         source[place, BX], source[place, BY], source[place, COS] = 1.0, 0.0, -2.0
     else:
@@ -109,30 +131,64 @@ def _opens(wedges, i, dx, dy, rho):  # type: ignore[no-untyped-def]
     return 0
 
 
-@lean_kernel
-def view(circle, things, near, source, ids, n, ear):  # type: ignore[no-untyped-def]
-    """The sources that a ping from the circle may hear by way of its mirrors, from row n on: how many in all."""
+@inner_kernel
+def mirror_view(w1, w2, circle, things, near, room, first, ear):  # type: ignore[no-untyped-def]
+    """The sources that a ping from the circle may hear by way of mirror w1, and w2 (-1: no second): where they end."""
+    walls, slack = things.walls, circle.rho + EPS_M
+    ax, ay, bx, by = walls[w1, 0], walls[w1, 1], walls[w1, 2], walls[w1, 3]
+    cx, cy, dx, dy = ax, ay, bx, by
+    qx, qy = mirrored(circle.x, circle.y, walls, w1)
+    gain = ear.loss * ear.loss
+    if w2 >= 0:
+        qx, qy = mirrored(qx, qy, walls, w2)
+        cx, cy = mirrored(ax, ay, walls, w2)
+        dx, dy = mirrored(bx, by, walls, w2)
+        ax, ay, bx, by = walls[w2, 0], walls[w2, 1], walls[w2, 2], walls[w2, 3]
+        gain *= gain
+    ax, ay, bx, by = ax - qx, ay - qy, bx - qx, by - qy
+    t = -(ax * (bx - ax) + ay * (by - ay)) / ((bx - ax) ** 2 + (by - ay) ** 2)
+    t = min(1.0, max(0.0, t))
+    to_mirror = math.sqrt((ax + t * (bx - ax)) ** 2 + (ay + t * (by - ay)) ** 2)
+    if to_mirror - slack >= ear.range_max:  # whatever is heard lies behind it
+        return first
+    cx, cy, dx, dy = cx - qx, cy - qy, dx - qx, dy - qy
+    side_ab, apart_ab = _side(ax, ay, bx, by, slack)
+    side_cd, apart_cd = _side(cx, cy, dx, dy, slack)
+    gates = Gates(ax, ay, bx, by, side_ab, apart_ab, cx, cy, dx, dy, side_cd, apart_cd)
+    edge_reach = ear.edge_reach * ear.edge_loss * (ear.edge_loss if w2 >= 0 else 1.0)
+    image = Circle(qx, qy, circle.rho, gain, w1, w2)
+    return view(image, gates, min(ear.range_max, edge_reach), things, near, room, first, WIDE, ear)
+
+
+@inner_kernel
+def view(circle, gates, edge_reach, things, near, room, n, narrow, ear):  # type: ignore[no-untyped-def]
+    """The sources that a ping from the circle may hear through its gates, from row n on: where they end.
+
+    Edges farther than `edge_reach` are not heard, [m].
+    """
+    source, ids, rows, slack = room.source, room.ids, room.rows, circle.rho + EPS_M
     last_mirror = circle.mirror_2 if circle.mirror_2 >= 0 else circle.mirror_1
-    for i in near.walls:
-        if i != last_mirror:
-            n = _view_wall(circle, i, things, source, ids, n, ear)
-    edge_reach = min(ear.range_max, (circle.gain * ear.edge_strength / ear.threshold) ** (2.0 / 3.0))
-    for i in near.wedges:
-        n = _view_wedge(circle, i, edge_reach, things, source, ids, n, ear)
+    find_feet(circle, gates, len(near.walls), rows)
+    for k in range(len(near.walls)):
+        if rows[FOUND, k] > 0.0 and near.walls[k] != last_mirror:
+            n = _view_wall(circle, near.walls[k], things, source, ids, n, narrow, ear)
+    find_wedges(circle, gates, ear.range_max, edge_reach, len(near.wedges), rows)
+    for k in range(len(near.wedges)):
+        if rows[FOUND, k] > 0.0:
+            n = _view_wedge(circle, near.wedges[k], things, source, ids, n, narrow, ear)
     for i in near.cylinders:
         ids[n, WHAT], ids[n, WHICH], ids[n, OPENS] = COLUMN, i, 0
-        cx, cy, radius = things.cylinders[i]
-        dx, dy, slack = cx - circle.x, cy - circle.y, circle.rho + EPS_M
-        if _through(circle, cx, cy, things.walls) and _put(
-            source, n, COLUMN, i, dx, dy, radius, slack, circle, things, ear
+        dx, dy = things.cylinders[i, 0] - circle.x, things.cylinders[i, 1] - circle.y
+        if not shut(dx, dy, slack, gates) and _put(
+            source, n, COLUMN, i, dx, dy, things.cylinders[i, 2], slack, circle, things, narrow, ear
         ):
             n += 1
     return n
 
 
 @inlined_kernel
-def _view_wall(circle, i, things, source, ids, n, ear):  # type: ignore[no-untyped-def]
-    walls, vx, vy, slack = things.walls, circle.x, circle.y, circle.rho + EPS_M
+def _view_wall(circle, i, things, source, ids, n, narrow, ear):  # type: ignore[no-untyped-def]
+    walls, vx, vy = things.walls, circle.x, circle.y
     if walls[i, 4] > 0.0:  # heard at any angle
         for what in (WALL, ROUGH_WALL):
             ids[n, WHAT], ids[n, WHICH], ids[n, OPENS] = what, i, 0
@@ -143,43 +199,29 @@ def _view_wall(circle, i, things, source, ids, n, ear):  # type: ignore[no-untyp
     ids[n, WHAT], ids[n, WHICH], ids[n, OPENS] = WALL, i, 0
     ax, ay = walls[i, 0], walls[i, 1]
     ex, ey = walls[i, 2] - ax, walls[i, 3] - ay
-    squared = ex * ex + ey * ey
-    dot = (vx - ax) * ex + (vy - ay) * ey
-    beyond = slack * math.sqrt(squared)
-    if dot < -beyond or dot > squared + beyond:
-        return n
-    t = dot / squared
+    t = ((vx - ax) * ex + (vy - ay) * ey) / (ex * ex + ey * ey)
     sx, sy = ax + t * ex, ay + t * ey
-    if _through(circle, sx, sy, walls) and _put(
-        source, n, WALL, i, sx - vx, sy - vy, 0.0, 1e-6, circle, things, ear
-    ):
-        n += 1
-    return n
+    return n + _put(source, n, WALL, i, sx - vx, sy - vy, 0.0, 1e-6, circle, things, narrow, ear)
 
 
 @inlined_kernel
-def _view_wedge(circle, i, edge_reach, things, source, ids, n, ear):  # type: ignore[no-untyped-def]
+def _view_wedge(circle, i, things, source, ids, n, narrow, ear):  # type: ignore[no-untyped-def]
     wedges, slack = things.wedges, circle.rho + EPS_M
     dx, dy = wedges[i, 0] - circle.x, wedges[i, 1] - circle.y
-    reach = (ear.range_max if wedges[i, 4] == RIGHT_CORNER else edge_reach) + slack
-    if dx * dx + dy * dy > reach * reach or not _through(circle, wedges[i, 0], wedges[i, 1], things.walls):
-        return n
-    if not _put(source, n, WEDGE, i, dx, dy, 0.0, slack, circle, things, ear):
+    if not _put(source, n, WEDGE, i, dx, dy, 0.0, slack, circle, things, narrow, ear):
         return n
     opens = _opens(wedges, i, dx, dy, slack)
-    if opens >= 0:
-        ids[n, WHAT], ids[n, WHICH], ids[n, OPENS] = WEDGE, i, opens
-        n += 1
-    return n
+    ids[n, WHAT], ids[n, WHICH], ids[n, OPENS] = WEDGE, i, opens
+    return n + (opens >= 0)
 
 
 @inner_kernel
-def hidden_by(circle, things, near, source, ids, n, hiding):  # type: ignore[no-untyped-def]
+def hidden_by(circle, things, near, room, n):  # type: ignore[no-untyped-def]
     """List for each of n sources what could hide it from the circle; drop those hidden for good: how many stay."""
-    used, kept = START, START
+    source, ids, hiding, used, kept = room.source, room.ids, room.lists[HIDDEN_BY], START, START
     for k in range(n):
         what, i = ids[k, WHAT], ids[k, WHICH]
-        start, middle, used = _list_hiding(circle, what, i, things, near, hiding, used)
+        start, middle, used = _list_hiding(circle, what, i, things, near, room.rows, hiding, used)
         if start == HIDDEN:
             continue
         for column in range(LOUD + 1):
@@ -192,7 +234,7 @@ def hidden_by(circle, things, near, source, ids, n, hiding):  # type: ignore[no-
 
 
 @inlined_kernel
-def _list_hiding(circle, what, i, things, near, hiding, used):  # type: ignore[no-untyped-def]
+def _list_hiding(circle, what, i, things, near, rows, hiding, used):  # type: ignore[no-untyped-def]
     """Walls, then columns, that could hide source i, from place `used` on: where walls and columns begin, the end.
 
     They begin at -1 where there is no list: anything near could hide it; at `HIDDEN` where a wall surely does.
@@ -212,10 +254,12 @@ def _list_hiding(circle, what, i, things, near, hiding, used):  # type: ignore[n
         sx, sy = things.wedges[i, 0], things.wedges[i, 1]
     else:
         sx, sy, thick = cylinders[i, 0], cylinders[i, 1], cylinders[i, 2]
-    for j in near.walls:
-        ax, ay, bx, by = walls[j, 0], walls[j, 1], walls[j, 2], walls[j, 3]
-        if j == own or not may_cross(vx, vy, sx, sy, slack, ax, ay, bx, by):
+    find_between(vx, vy, sx, sy, slack, len(near.walls), rows)
+    for k in range(len(near.walls)):
+        j = near.walls[k]
+        if rows[FOUND, k] < 0.0 or j == own:
             continue
+        ax, ay, bx, by = walls[j, 0], walls[j, 1], walls[j, 2], walls[j, 3]
         if must_cross(vx, vy, sx, sy, slack, slack + thick, ax, ay, bx, by):
             return HIDDEN, HIDDEN, start
         if used == len(hiding):
