@@ -56,6 +56,18 @@ class Chain:
         """The link that corrections refer to."""
         return self.links[self.root_index]
 
+    @cached_property
+    def feet(self) -> Array:
+        """Of each link its middle, x y [m], the direction of its line [rad], and how many discs heard it."""
+        return np.array([(*link.foot, link.feature.discs) for link in self.links], dtype=float)
+
+    def lengthened(self, link: Link) -> Chain:
+        """The chain with one link more."""
+        longer = Chain(self.id, (*self.links, link), self.root_index, self.root_probability, self.dangling)
+        if "feet" in vars(self):
+            vars(longer)["feet"] = np.concatenate([self.feet, [(*link.foot, link.feature.discs)]])
+        return longer
+
 
 class ChainMap:
     """All chains by id, and all their links stacked for association. Ids are never used again."""
@@ -119,10 +131,7 @@ class ChainMap:
     def add_link(self, chain_id: int, link: Link) -> None:
         """Lengthen a chain."""
         chain = self[chain_id]
-        links = (*chain.links, link)
-        self._chains[chain_id] = Chain(
-            chain_id, links, chain.root_index, chain.root_probability, chain.dangling
-        )
+        self._chains[chain_id] = chain.lengthened(link)
         self._stack(link, chain_id, len(chain.links))
 
     def merge(self, survivor_id: int, absorbed_id: int) -> None:

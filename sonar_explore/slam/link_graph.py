@@ -14,13 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.geometry import Array, wrap_undirected
+from sonar_explore.compiled import kernel
 from sonar_explore.slam.association import Association
 from sonar_explore.slam.residuals import Residuals
+from sonar_explore.sums import total
 
 ANGLE_MARGIN_RAD = math.radians(2.0)  # epsilon, section III.C
 DISTANCE_MARGIN_M = 0.05  # epsilon 2, section III.C
 SLACK = 1e-9  # what lies on the limit is inside, whatever the rounding
+TIE = 1e9  # sums equal to nine decimals are a tie
 
 Edges = NDArray[np.bool_]
 
@@ -81,50 +83,70 @@ def fit_link_graphs(
     associations: Sequence[Association], residuals: Residuals, config: LinkGraphConfig
 ) -> LinkGraphs:
     """Angle fit, distance fit, and the pair of winners with most edges in common."""
-    angle_misfit = _angle_misfit(residuals, config)
-    distance_misfit = _distance_misfit(residuals, config)
-    angle_fits, distance_fits = angle_misfit <= 1.0 + SLACK, distance_misfit <= 1.0 + SLACK
-    angle_winners, distance_winners = _most_edges(angle_fits), _most_edges(distance_fits)
-    ranked = [
-        (_rank(angle_fits[a] & distance_fits[d], angle_misfit[a] + distance_misfit[d], residuals), (a, d))
-        for a in angle_winners
-        for d in distance_winners
-    ]
-    pair = min(ranked)[1] if ranked else None
-    final = angle_fits[pair[0]] & distance_fits[pair[1]] if pair else np.zeros(0, dtype=bool)
-    return LinkGraphs(
-        tuple(associations), angle_fits, distance_fits, angle_winners, distance_winners, pair, final
-    )
+    n = len(residuals.adr_rad)
+    misfits, fits, most = np.empty((2, n, n)), np.empty((2, n, n), dtype=bool), np.empty((2, n), dtype=bool)
+    pair, final = None, np.zeros(0, dtype=bool)
+    if n:
+        facing = residuals.normals @ residuals.normals.T
+        _angle_misfit(residuals.adr_rad, config.angle_margin_rad, misfits[0])
+        _distance_misfit(residuals.ndr_m, facing, config.distance_margin_m, misfits[1])
+        pair = _best_pair(misfits, residuals.root_probability, fits, most)
+        final = fits[0, pair[0]] & fits[1, pair[1]]
+    winners = [tuple(np.flatnonzero(row).tolist()) for row in most]
+    return LinkGraphs(tuple(associations), fits[0], fits[1], winners[0], winners[1], pair, final)
 
 
-def _angle_misfit(residuals: Residuals, config: LinkGraphConfig) -> Array:
+@kernel
+def _angle_misfit(adr, margin, misfit):  # type: ignore[no-untyped-def]
     """|wrap(ADR_j - ADR_i)| / th, row i fitted, shape (n, n)."""
-    adr = residuals.adr_rad
-    if not adr.size:
-        return np.zeros((0, 0))
-    threshold = np.abs(adr).mean() + config.angle_margin_rad
-    misfit: Array = np.abs(wrap_undirected(adr[None, :] - adr[:, None])) / threshold
-    return misfit
+    n = len(adr)
+    threshold = total(np.abs(adr)) / n + margin
+    for i in range(n):
+        for j in range(n):
+            turn = math.pi / 2 - (math.pi / 2 - (adr[j] - adr[i])) % math.pi
+            misfit[i, j] = abs(turn) / threshold
 
 
-def _distance_misfit(residuals: Residuals, config: LinkGraphConfig) -> Array:
-    """|d_j - d_i (n_i . n_j)| / th2 after the shift -d_i n_i, row i fitted, shape (n, n)."""
-    distance = residuals.ndr_m
-    if not distance.size:
-        return np.zeros((0, 0))
-    threshold = np.abs(distance).mean() + config.distance_margin_m
-    shifted = distance[None, :] - distance[:, None] * (residuals.normals @ residuals.normals.T)
-    misfit: Array = np.abs(shifted) / threshold
-    return misfit
+@kernel
+def _distance_misfit(ndr, facing, margin, misfit):  # type: ignore[no-untyped-def]
+    """|d_j - d_i facing_ij| / th2, row i fitted by the shift -d_i n_i; facing is n_i . n_j of all normals."""
+    n = len(ndr)
+    threshold = total(np.abs(ndr)) / n + margin
+    for i in range(n):
+        for j in range(n):
+            misfit[i, j] = abs(ndr[j] - ndr[i] * facing[i, j]) / threshold
 
 
-def _most_edges(fits: Edges) -> tuple[int, ...]:
-    counts = fits.sum(axis=1)
-    return tuple(int(i) for i in np.flatnonzero(counts == counts.max(initial=0)))
+@kernel
+def _best_pair(misfits, root_probability, fits, most):  # type: ignore[no-untyped-def]
+    """The rows of the two fits that win: the pair, among those with `most` edges each, with most of them in common.
 
-
-def _rank(common: Edges, misfit: Array, residuals: Residuals) -> tuple[int, float, float]:
-    """Most common edges first; ties by the smaller sum of misfits, then the larger sum of P(root)."""
-    cost = round(float(misfit[common].sum()), 9)
-    trust = round(float(residuals.root_probability[common].sum()), 9)
-    return -int(common.sum()), cost, -trust
+    Ties by the smaller sum of misfits, then the larger sum of P(root), then the earlier rows.
+    """
+    n = len(root_probability)
+    for kind in range(2):
+        edges = np.zeros(n, dtype=np.int64)
+        for i in range(n):
+            for j in range(n):
+                fits[kind, i, j] = misfits[kind, i, j] <= 1.0 + SLACK
+                edges[i] += fits[kind, i, j]
+        for i in range(n):
+            most[kind, i] = edges[i] == edges.max()
+    angle = distance = -1
+    best, least, trusted = -1, np.inf, 0.0
+    off, trust = np.empty(n), np.empty(n)
+    for a in range(n):
+        for d in range(n):
+            if not (most[0, a] and most[1, d]):
+                continue
+            k = 0
+            for j in range(n):
+                if fits[0, a, j] and fits[1, d, j]:
+                    off[k], trust[k] = misfits[0, a, j] + misfits[1, d, j], root_probability[j]
+                    k += 1
+            if k < best:
+                continue
+            cost, sure = np.rint(total(off[:k]) * TIE), np.rint(total(trust[:k]) * TIE)
+            if k > best or cost < least or (cost == least and sure > trusted):
+                angle, distance, best, least, trusted = a, d, k, cost, sure
+    return angle, distance

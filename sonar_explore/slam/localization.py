@@ -44,6 +44,8 @@ class Weights:
 
     def only(self, chosen: NDArray[np.bool_]) -> Weights:
         """Those of the associations chosen, shape (n,)."""
+        if chosen.all():
+            return self
         return Weights(self.w1[chosen], self.w2[chosen], self.w3[chosen])
 
     @property

@@ -20,11 +20,19 @@ from numpy.typing import NDArray
 from sonar_explore.compiled import inner_kernel, lean_kernel
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.slam.discs import TurnError
+from sonar_explore.slam.kalman import (
+    HEADING,
+    OWN,
+    SIZE,
+    TURN,
+    expected_offsets,
+    innovated,
+    moved_covariance,
+    updated_covariance,
+)
 from sonar_explore.slam.motion import own_part
 from sonar_explore.slam.residuals import Residuals
 
-X, Y, HEADING, TURN, BEND, OWN = range(6)
-SIZE = 6
 SUMS = 6  # where they begin in a belief
 SPREAD_EVERY_M = 0.05  # the covariance is carried along in bits of this length
 
@@ -167,16 +175,14 @@ class OdometryFilter:
         if not self.config.enabled:
             return np.ones(n, dtype=bool)
         self._spread()
-        jacobian = np.zeros((n, 2, SIZE))
-        jacobian[:, 0, HEADING] = 1.0
-        jacobian[:, 1, :2] = residuals.normals
-        expected = jacobian @ self.covariance @ jacobian.transpose(0, 2, 1)
-        expected[:, 0, 0] += self._bearing_variance(residuals)
-        expected[:, 1, 1] += self.config.normal_m**2
+        expected, off = np.empty((n, 2, 2)), np.empty((n, 2))
+        variance = self._bearing_variance(residuals), self.config.normal_m**2
+        expected_offsets(
+            self.covariance, residuals.adr_rad, residuals.ndr_m, residuals.normals, *variance, expected, off
+        )
         if relative is not None:
             expected += relative
-        off = np.stack([residuals.adr_rad, -residuals.ndr_m], axis=1)
-        squared = np.einsum("ni,ni->n", off, np.linalg.solve(expected, off[:, :, None])[:, :, 0])
+        squared = (off * np.linalg.solve(expected, off[:, :, None])[:, :, 0]).sum(axis=1)
         return np.asarray(
             squared <= -2.0 * math.log(1.0 - self.config.gate_share)
         )  # chi-squared, two degrees
@@ -207,23 +213,20 @@ class OdometryFilter:
 
     def _learn(self, pose: Pose, jacobian: Array, innovation: Array, noise: Array) -> Pose:
         """One update of the filter, with Huber's loss; the pose after it."""
-        cfg = self.config
-        p = self.covariance
-        expected = np.einsum("ni,ij,nj->n", jacobian, p, jacobian) + noise
-        noise = noise * np.maximum(1.0, innovation**2 / (cfg.huber_sigmas**2 * expected))
-        gain = np.linalg.solve(jacobian @ p @ jacobian.T + np.diag(noise), jacobian @ p).T
+        cfg, n = self.config, len(innovation)
+        noise, across, expected = noise.copy(), np.empty((n, SIZE)), np.empty((n, n))
+        innovated(self.covariance, jacobian, innovation, cfg.huber_sigmas**2, noise, across, expected)
+        gain = np.linalg.solve(expected, across).T
         change = gain @ innovation
-        kept = np.eye(SIZE) - gain @ jacobian
-        self.covariance = kept @ p @ kept.T + gain @ np.diag(noise) @ gain.T
         floor = np.array([cfg.least_position_m, cfg.least_position_m, cfg.least_heading_rad]) ** 2
-        for i, least in enumerate(floor):
-            self.covariance[i, i] = max(self.covariance[i, i], least)
-        self.turn_error += float(change[TURN])
-        self.bend_rad_m += float(change[BEND])
-        self.own_error += float(change[OWN])
-        return Pose(
-            pose.x + float(change[X]), pose.y + float(change[Y]), pose.heading + float(change[HEADING])
+        self.covariance = updated_covariance(
+            self.covariance, np.ascontiguousarray(gain), jacobian, noise, floor
         )
+        x, y, heading, turn_error, bend_rad_m, own_error = change.tolist()
+        self.turn_error += turn_error
+        self.bend_rad_m += bend_rad_m
+        self.own_error += own_error
+        return Pose(pose.x + x, pose.y + y, pose.heading + heading)
 
     def _spread(self) -> None:
         """Let the covariance grow by the motion since the last call."""
@@ -234,19 +237,11 @@ class OdometryFilter:
         self._forward_m = self._turn_rad = self._turned_rad = self._own_rad = 0.0
         if forward_m == 0.0 and turn_rad == 0.0 and turned_rad == 0.0:
             return
-        c, s = math.cos(heading), math.sin(heading)
-        motion = np.eye(SIZE)
-        motion[X, HEADING], motion[Y, HEADING] = -s * forward_m, c * forward_m
-        motion[HEADING, TURN], motion[HEADING, BEND], motion[HEADING, OWN] = turn_rad, forward_m, own_rad
-        distance = abs(forward_m)
-        noise = cfg.distance_m**2 * distance
-        p = motion @ self.covariance @ motion.T
-        p[X, X] += c * c * noise
-        p[Y, Y] += s * s * noise
-        p[X, Y] += c * s * noise
-        p[Y, X] += c * s * noise
-        p[HEADING, HEADING] += cfg.turn_rad**2 * turned_rad / math.tau + cfg.drift_rad**2 * distance
-        self.covariance = p
+        drift = cfg.turn_rad**2 * turned_rad / math.tau + cfg.drift_rad**2 * abs(forward_m)
+        along = cfg.distance_m**2 * abs(forward_m)
+        self.covariance = moved_covariance(
+            self.covariance, forward_m, turn_rad, own_rad, heading, along, drift
+        )
 
 
 @lean_kernel

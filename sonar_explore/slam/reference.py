@@ -11,8 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sonar_explore.compiled import lean_kernel
 from sonar_explore.geometry import Array, Segment, wrap_undirected
 from sonar_explore.slam.chains import Chain
+from sonar_explore.sums import fma
 
 ROUNDS = 3
 """Of reweighting: feet far off the line count less each time."""
@@ -39,12 +41,9 @@ def reference_line(chain: Chain, config: ReferenceConfig) -> Segment:
         return root
     x, y, direction = chain.root.foot
     c, s = math.cos(direction), math.sin(direction)
-    links = np.array([link.foot for link in chain.links])
-    feet = links[:, :2] - (x, y)
-    along, across = feet @ (c, s), feet @ (-s, c)
-    turns = wrap_undirected(links[:, 2] - direction)
-    discs = np.array([link.feature.discs for link in chain.links])
-    offset, slope = _fit(along, across, turns, discs, config)
+    offset, slope = _fit(
+        chain.feet, (x, y, c, s), np.tan(wrap_undirected(chain.feet[:, 2] - direction)), config
+    )
     half, angle = 0.5 * root.length, direction + math.atan(slope)
     mx, my = x - s * offset, y + c * offset
     dx, dy = half * math.cos(angle), half * math.sin(angle)
@@ -52,19 +51,48 @@ def reference_line(chain: Chain, config: ReferenceConfig) -> Segment:
 
 
 def _fit(
-    along: Array, across: Array, turns: Array, discs: Array, config: ReferenceConfig
+    feet: Array, axis: tuple[float, float, float, float], slopes: Array, config: ReferenceConfig
 ) -> tuple[float, float]:
-    """Offset [m] and slope of the line across = offset + slope along, with the directions as slopes too."""
-    n, foot = len(along), 1.0 / config.foot_sigma_m
-    rows, values = np.zeros((2 * n, 2)), np.empty(2 * n)
-    rows[:n, 0], rows[:n, 1] = foot, foot * along
-    rows[n:, 1] = 1.0 / np.sqrt(config.direction_sigma_rad**2 / discs + config.direction_least_rad**2)
-    values[:n], values[n:] = foot * across, rows[n:, 1] * np.tan(turns)
-    weights: Array = np.ones(2 * n)
-    for _ in range(ROUNDS):
+    """Offset [m] and slope of the line across = offset + slope along, with the directions as slopes too.
+
+    Args:
+        feet: of the links, shape (n, 4): see `Chain.feet`.
+        axis: the middle of the root, x y [m], and the cosine and sine of its direction.
+        slopes: of the links along it, shape (n,).
+    """
+    n = len(feet)
+    rows, values, weights = np.empty((2 * n, 2)), np.empty(2 * n), np.ones(2 * n)
+    sigmas = config.foot_sigma_m, config.direction_sigma_rad**2, config.direction_least_rad**2
+    _equations(feet, slopes, *axis, *sigmas, rows, values)
+    solution = np.linalg.lstsq(rows, values, rcond=None)[0]
+    for _ in range(1, ROUNDS):
+        if not _reweighted(rows, values, solution, weights):
+            break  # the same once more
         solution = np.linalg.lstsq(rows * weights[:, None], values * weights, rcond=None)[0]
-        off = np.abs(values - rows @ solution)
-        before, weights = weights, np.sqrt(1.0 / np.maximum(1.0, off / 1.5))  # Huber
-        if (weights == before).all():
-            break
     return float(solution[0]), float(solution[1])
+
+
+@lean_kernel
+def _equations(feet, slopes, x, y, c, s, foot_m, direction2, least2, rows, values):  # type: ignore[no-untyped-def]
+    """Rows and values of the least squares, each over its standard deviation: the feet, then the directions."""
+    n = len(feet)
+    foot = 1.0 / foot_m
+    for i in range(n):
+        dx, dy = feet[i, 0] - x, feet[i, 1] - y
+        rows[i, 0], rows[i, 1] = foot, foot * fma(dx, c, dy * s)
+        values[i] = foot * fma(dx, -s, dy * c)
+        direction = 1.0 / math.sqrt(direction2 / feet[i, 3] + least2)
+        rows[n + i, 0], rows[n + i, 1] = 0.0, direction
+        values[n + i] = direction * slopes[i]
+
+
+@lean_kernel
+def _reweighted(rows, values, solution, weights):  # type: ignore[no-untyped-def]
+    """Huber's weights of what is left over: whether any changed."""
+    changed = False
+    for i in range(len(values)):
+        off = abs(values[i] - fma(rows[i, 0], solution[0], rows[i, 1] * solution[1]))
+        weight = math.sqrt(1.0 / max(1.0, off / 1.5))
+        changed = changed or weight != weights[i]
+        weights[i] = weight
+    return changed

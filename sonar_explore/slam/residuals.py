@@ -12,7 +12,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.geometry import Array, Pose, Segment, wrap_undirected
+from sonar_explore.compiled import inner_kernel, lean_kernel
+from sonar_explore.geometry import Array, Pose
 from sonar_explore.slam.association import Association
 from sonar_explore.slam.chains import ChainMap
 from sonar_explore.slam.features import Feature
@@ -41,8 +42,16 @@ class Residuals:
     discs: Array
     """How many discs agree on the feature, shape (n,)."""
 
+    @classmethod
+    def empty(cls, n: int) -> Residuals:
+        """Of n associations, to be filled in."""
+        one = [np.empty(n) for _ in range(6)]
+        return cls(one[0], one[1], np.empty((n, 2)), one[2], np.empty((n, 2)), *one[3:])
+
     def only(self, chosen: NDArray[np.bool_]) -> Residuals:
         """Those of the associations chosen, shape (n,)."""
+        if chosen.all():
+            return self
         return Residuals(**{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
 
 
@@ -54,27 +63,36 @@ def residuals_to_roots(
     reference: ReferenceConfig | None = None,
 ) -> Residuals:
     """ADR and NDR of every association, to the root or to what `reference` says instead."""
-    seen = [features[a.feature] for a in associations]
-    roots = [reference_line(chains[a.chain], reference or ReferenceConfig()) for a in associations]
-    links = [chains[a.chain].links[a.link].segment for a in associations]
-    to_root = [_offset(pose_robot_in_map, f, line) for f, line in zip(seen, roots, strict=True)]
-    to_link = [_offset(pose_robot_in_map, f, line) for f, line in zip(seen, links, strict=True)]
-    return Residuals(
-        adr_rad=np.array([angle for angle, _ in to_root], dtype=float),
-        ndr_m=np.array([distance for _, distance in to_root], dtype=float),
-        normals=np.array([line.unit_normal for line in roots], dtype=float).reshape(-1, 2),
-        link_ndr_m=np.array([distance for _, distance in to_link], dtype=float),
-        link_normals=np.array([line.unit_normal for line in links], dtype=float).reshape(-1, 2),
-        root_probability=np.array([chains[a.chain].root_probability for a in associations], dtype=float),
-        range_m=np.array([feature.range_m for feature in seen], dtype=float),
-        discs=np.array([feature.discs for feature in seen], dtype=float),
-    )
+    n, pose = len(associations), pose_robot_in_map
+    found, reference = Residuals.empty(n), reference or ReferenceConfig()
+    roots, links = np.empty((n, 4)), np.empty((n, 4))
+    bearings = np.empty(n)
+    for i, a in enumerate(associations):
+        feature, chain = features[a.feature], chains[a.chain]
+        roots[i] = reference_line(chain, reference).as_row()
+        links[i] = chain.links[a.link].segment.as_row()
+        bearings[i], found.range_m[i] = feature.bearing_rad, feature.range_m
+        found.discs[i], found.root_probability[i] = feature.discs, chain.root_probability
+    place = pose.x, pose.y, pose.heading
+    _offsets(*place, bearings, found.range_m, links, found.adr_rad, found.link_ndr_m, found.link_normals)
+    _offsets(*place, bearings, found.range_m, roots, found.adr_rad, found.ndr_m, found.normals)
+    return found
 
 
-def _offset(pose: Pose, feature: Feature, line: Segment) -> tuple[float, float]:
-    """(angle to the line [rad], signed normal distance once parallel to it [m])."""
-    normal_in_map = pose.heading + feature.bearing_rad
-    angle = wrap_undirected(line.direction - (normal_in_map + math.pi / 2))
-    x = pose.x + feature.range_m * math.cos(normal_in_map + angle)
-    y = pose.y + feature.range_m * math.sin(normal_in_map + angle)
-    return angle, line.signed_distance(x, y)
+@lean_kernel
+def _offsets(x, y, heading, bearings, ranges, lines, angles, distances, normals):  # type: ignore[no-untyped-def]
+    """Angle from each feature to its line [rad], signed normal distance once parallel to it [m], normal of the line."""
+    for i in range(len(bearings)):
+        direction = _undirected(math.atan2(lines[i, 3] - lines[i, 1], lines[i, 2] - lines[i, 0]))
+        in_map = heading + bearings[i]
+        angles[i] = _undirected(direction - (in_map + math.pi / 2))
+        foot_x = x + ranges[i] * math.cos(in_map + angles[i])
+        foot_y = y + ranges[i] * math.sin(in_map + angles[i])
+        normals[i, 0], normals[i, 1] = -math.sin(direction), math.cos(direction)
+        distances[i] = (foot_x - lines[i, 0]) * normals[i, 0] + (foot_y - lines[i, 1]) * normals[i, 1]
+
+
+@inner_kernel
+def _undirected(angle):  # type: ignore[no-untyped-def]
+    """`geometry.wrap_undirected`."""
+    return math.pi / 2 - (math.pi / 2 - angle) % math.pi

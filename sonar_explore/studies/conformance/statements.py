@@ -114,14 +114,14 @@ STATEMENTS: tuple[Statement, ...] = (
     ),
     _c(
         "Edges within th = average angle difference + 2 degrees are kept; the graphs with most edges win.",
-        (_GRAPH + "ANGLE_MARGIN_RAD", _GRAPH + "_most_edges"),
+        (_GRAPH + "ANGLE_MARGIN_RAD", _GRAPH + "_best_pair"),
         ("figure_7_the_fits_of_b_d_and_f_win_the_angle_fit",),
         "7",
     ),
     _c(
         "Distance fit: every feature is made parallel to its root about the robot; all are shifted by one feature's "
         "normal distance.",
-        (_GRAPH + "_distance_misfit", "slam/residuals.py:_offset"),
+        (_GRAPH + "_distance_misfit", "slam/residuals.py:_offsets"),
         ("figure_8_fitting_a_b_c_or_d_wins_the_distance_fit_with_the_same_graph",),
         "8",
     ),
@@ -133,7 +133,7 @@ STATEMENTS: tuple[Statement, ...] = (
     ),
     _c(
         "The final winner is the pair of an angle and a distance winner with most edges in common, and these edges.",
-        (_GRAPH + "fit_link_graphs", _GRAPH + "_rank"),
+        (_GRAPH + "fit_link_graphs", _GRAPH + "_best_pair"),
         ("figure_9_c_and_f_are_removed", "equal_pairs_are_decided_by_the_smaller_misfit"),
         "9",
     ),

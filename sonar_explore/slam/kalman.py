@@ -1,0 +1,81 @@
+"""The steps of the filter beside the link graph, as kernels: matrices so small that each call of numpy costs more."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sonar_explore.compiled import kernel
+from sonar_explore.sums import fma
+
+X, Y, HEADING, TURN, BEND, OWN = range(6)
+SIZE = 6
+
+
+@kernel
+def _product(a, b):  # type: ignore[no-untyped-def]
+    """`a @ b`."""
+    out = np.empty((a.shape[0], b.shape[1]))
+    for i in range(a.shape[0]):
+        for j in range(b.shape[1]):
+            added = 0.0
+            for k in range(a.shape[1]):
+                added = fma(a[i, k], b[k, j], added)
+            out[i, j] = added
+    return out
+
+
+@kernel
+def moved_covariance(covariance, forward, turn, own, heading, along, drift):  # type: ignore[no-untyped-def]
+    """F P F' + Q: the covariance after a motion; `along` is the variance of its length, `drift` that of its heading."""
+    c, s = math.cos(heading), math.sin(heading)
+    motion = np.eye(SIZE)
+    motion[X, HEADING], motion[Y, HEADING] = -s * forward, c * forward
+    motion[HEADING, TURN], motion[HEADING, BEND], motion[HEADING, OWN] = turn, forward, own
+    p = _product(_product(motion, covariance), motion.T)
+    p[X, X] += c * c * along
+    p[Y, Y] += s * s * along
+    p[X, Y] += c * s * along
+    p[Y, X] += c * s * along
+    p[HEADING, HEADING] += drift
+    return p
+
+
+@kernel
+def expected_offsets(p, adr, ndr, normals, bearing, normal, expected, off):  # type: ignore[no-untyped-def]
+    """How far each association is off in angle and along the normal, and the covariance of that: H P H' + R."""
+    for i in range(len(adr)):
+        x, y = normals[i, 0], normals[i, 1]
+        across = fma(y, p[1, 0], x * p[0, 0]), fma(y, p[1, 1], x * p[0, 1])
+        expected[i, 0, 0] = p[HEADING, HEADING] + bearing[i]
+        expected[i, 0, 1] = fma(p[HEADING, Y], y, p[HEADING, X] * x)
+        expected[i, 1, 0] = fma(y, p[Y, HEADING], x * p[X, HEADING])
+        expected[i, 1, 1] = fma(across[1], y, across[0] * x) + normal
+        off[i, 0], off[i, 1] = adr[i], -ndr[i]
+
+
+@kernel
+def innovated(p, jacobian, innovation, huber, noise, across, expected):  # type: ignore[no-untyped-def]
+    """H P, and H P H' + R, where R, `noise`, grows for what is farther off than this many squared sigmas."""
+    n = len(innovation)
+    for i in range(n):
+        variance = 0.0
+        for j in range(SIZE):
+            for k in range(SIZE):
+                variance += jacobian[i, j] * p[j, k] * jacobian[i, k]
+        noise[i] *= max(1.0, innovation[i] * innovation[i] / (huber * (variance + noise[i])))
+    across[:] = _product(jacobian, p)
+    expected[:] = _product(across, jacobian.T)
+    for i in range(n):
+        expected[i, i] += noise[i]
+
+
+@kernel
+def updated_covariance(p, gain, jacobian, noise, floor):  # type: ignore[no-untyped-def]
+    """The covariance after an update, in Joseph's form: (I - K H) P (I - K H)' + K R K'; never below the floor."""
+    kept, scaled = np.eye(SIZE) - _product(gain, jacobian), gain * noise
+    covariance = _product(_product(kept, p), kept.T) + _product(scaled, gain.T)
+    for i in range(len(floor)):
+        covariance[i, i] = max(covariance[i, i], floor[i])
+    return covariance
