@@ -185,7 +185,7 @@ class Explorer:
         points = sampled(path, self.grid.frame.resolution_m)
         driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
         cells = self.grid.frame.cells(points)
-        room = self._finder.roomy(self.grid)[cells[:, 0], cells[:, 1]]
+        room = self._finder.roomy(self.grid, cells)
         fit = np.flatnonzero(room & (driven >= 0.5 * longest) & (driven <= 1.5 * longest))
         if not len(fit):
             return path

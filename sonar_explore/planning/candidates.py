@@ -101,7 +101,7 @@ class CandidateFinder:
         certain = np.array([c.root_probability if not c.dangling else 0.0 for c in chains])
         meets = self._answered(places, spans[dangling], grid)
         meets[meets] = self._answered(places[meets], spans[~dangling], grid)
-        length = paths.cost_m[cells[:, 0], cells[:, 1]]
+        length = paths.costs_to_m(cells)
         enough = area >= self._config.least_area_m2 + self._config.area_per_m * length
         worth = enough | meets
         rank = np.where(enough, area, 0.0) + 0.2 * meets
@@ -136,16 +136,14 @@ class CandidateFinder:
         """At which places one of the chains of these spans should answer, shape (n,)."""
         return np.asarray(self._answers(places, spans, grid).any(axis=1))
 
-    def roomy(self, grid: OccupancyGrid) -> Mask:
-        """Cells far enough from known walls for a scan, shape (rows, columns)."""
-        return np.asarray(grid.to_walls_m >= self._config.least_room_m)
+    def roomy(self, grid: OccupancyGrid, cells: Cells) -> Mask:
+        """Which cells, shape (n, 2), are far enough from known walls for a scan, shape (n,)."""
+        return np.asarray(grid.to_walls_m[cells[:, 0], cells[:, 1]] >= self._config.least_room_m)
 
     def _lattice(self, grid: OccupancyGrid, paths: SafePaths, taken: Array) -> Cells:
         """In each square of the lattice, the reachable cell with the most room; none near a place taken."""
-        frame, usable = grid.frame, paths.within & self.roomy(grid)
-        cells = _roomiest(
-            usable, paths.room_m, frame.x0, frame.y0, frame.resolution_m, self._config.spacing_m
-        )
+        least_m, spacing_m = self._config.least_room_m, self._config.spacing_m
+        cells = paths.roomiest(grid.to_walls_m, least_m, spacing_m)
         return cells[_away_from(grid.frame.centres(cells), taken, self._config.apart_m)]
 
     def _spread(self, places: Array, score: Array) -> list[int]:
@@ -186,30 +184,6 @@ def _apart(places, least):  # type: ignore[no-untyped-def]
                 alone[i] = False
                 break
     return alone
-
-
-@kernel
-def _roomiest(usable, room, x0, y0, resolution, spacing):  # type: ignore[no-untyped-def]
-    """In each square of the lattice, by its row and column, the first usable cell with the most room, shape (n, 2)."""
-    rows, columns = usable.shape
-    first_row = int(math.floor((0.5 * resolution + y0) / spacing))
-    first_column = int(math.floor((0.5 * resolution + x0) / spacing))
-    last_row = int(math.floor(((rows - 0.5) * resolution + y0) / spacing))
-    last_column = int(math.floor(((columns - 0.5) * resolution + x0) / spacing))
-    best = np.full((last_row - first_row + 1, last_column - first_column + 1, 2), -1)
-    most = np.full(best.shape[:2], -np.inf)
-    square = np.empty(columns, dtype=np.int64)
-    for column in range(columns):
-        square[column] = int(math.floor(((column + 0.5) * resolution + x0) / spacing)) - first_column
-    for row in range(rows):
-        i = int(math.floor(((row + 0.5) * resolution + y0) / spacing)) - first_row
-        for column in range(columns):
-            if usable[row, column]:
-                here, j = np.rint(room[row, column] * 1e6), square[column]
-                if here > most[i, j]:
-                    most[i, j], best[i, j, 0], best[i, j, 1] = here, row, column
-    flat = best.reshape(-1, 2)
-    return flat[flat[:, 0] >= 0]
 
 
 def _certainty(probabilities: Array, directions: Array, answers: Mask) -> Array:

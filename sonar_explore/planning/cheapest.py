@@ -13,6 +13,10 @@ from sonar_explore.mapping.grid import Cells
 _SQRT2 = math.sqrt(2.0)
 
 
+Window = tuple[int, int, int, int]
+"""First row, row after the last, first column, column after the last."""
+
+
 def cheapest_costs(cost: Array, start: tuple[int, int]) -> Array:
     """Cost of the cheapest way from the start to each cell, shape (rows, columns); inf where there is none.
 
@@ -23,26 +27,41 @@ def cheapest_costs(cost: Array, start: tuple[int, int]) -> Array:
         cost: of each cell, at least 1, inf where it must not be entered, shape (rows, columns).
         start: (row, column); its cost is finite.
     """
-    out = np.full(cost.shape, np.inf)
-    _spread(cost, start[0], start[1], out)
+    out = np.empty(cost.shape)
+    spread_costs(cost, start, (0, cost.shape[0], 0, cost.shape[1]), math.inf, out)
     return out
 
 
-def cheapest_way(cost: Array, costs: Array, end: tuple[int, int]) -> Cells:
+def spread_costs(cost: Array, start: tuple[int, int], window: Window, most: float, out: Array) -> Window:
+    """The same into a window of `out`, as far as ways cost no more; the window within that which they reach.
+
+    Nothing is looked at outside the window, and no way leads out of it.
+    """
+    first_row, end_row, first_column, end_column = _spread(cost, start[0], start[1], window, most, out)
+    return first_row, end_row, first_column, end_column
+
+
+def cheapest_way(cost: Array, costs: Array, end: tuple[int, int], reached: Window | None = None) -> Cells:
     """The cells of a cheapest way, from the start to a cell that has one, shape (n, 2).
 
     Where several are as cheap, straight steps go before diagonal ones, and lower rows and columns first.
+
+    Args:
+        reached: the part of both that ways lead to; None for all.
     """
-    return np.asarray(_way_back(cost, costs, end[0], end[1]))[::-1]
+    reached = reached or (0, cost.shape[0], 0, cost.shape[1])
+    return np.asarray(_way_back(cost, costs, end[0], end[1], reached))[::-1]
 
 
 @kernel
-def _spread(cost, row, column, out):  # type: ignore[no-untyped-def]
+def _spread(cost, row, column, window, most, out):  # type: ignore[no-untyped-def]
     """Bucket k holds the cells between k and k + 1 away. No step costs less than 1: they all are final at once."""
-    rows, columns = cost.shape
+    first_row, end_row, first_column, end_column = window
+    columns = cost.shape[1]
     dearest, open_cells = 1.0, 0
-    for r in range(rows):
-        for c in range(columns):
+    for r in range(first_row, end_row):
+        for c in range(first_column, end_column):
+            out[r, c] = np.inf
             if cost[r, c] < np.inf:
                 dearest = max(dearest, cost[r, c])
                 open_cells += 1
@@ -57,6 +76,7 @@ def _spread(cost, row, column, out):  # type: ignore[no-untyped-def]
     outs[cells[0]] = 0.0
     used = waiting = 1
     level = 0
+    low_row, high_row, low_column, high_column = row, row, column, column
     while waiting > 0:
         entry = buckets[level & (size - 1)]
         buckets[level & (size - 1)] = -1
@@ -67,15 +87,20 @@ def _spread(cost, row, column, out):  # type: ignore[no-untyped-def]
             here = outs[at]
             if here < level:  # was there already, by a cheaper way
                 continue
+            if here > most:
+                outs[at] = np.inf
+                continue
             row = at // columns
             column = at - row * columns
+            low_row, high_row = min(low_row, row), max(high_row, row)
+            low_column, high_column = min(low_column, column), max(high_column, column)
             for dr in range(-1, 2):
                 r = row + dr
-                if r < 0 or r >= rows:
+                if r < first_row or r >= end_row:
                     continue
                 for dc in range(-1, 2):
                     c = column + dc
-                    if c < 0 or c >= columns or costs[r * columns + c] == np.inf:
+                    if c < first_column or c >= end_column or costs[r * columns + c] == np.inf:
                         continue
                     to, length = r * columns + c, _SQRT2 if dr != 0 and dc != 0 else 1.0
                     total = here + 0.5 * (costs[at] + costs[to]) * length
@@ -91,13 +116,14 @@ def _spread(cost, row, column, out):  # type: ignore[no-untyped-def]
                     used += 1
                     waiting += 1
         level += 1
+    return low_row, high_row + 1, low_column, high_column + 1
 
 
 @kernel
-def _way_back(cost, costs, row, column):  # type: ignore[no-untyped-def]
+def _way_back(cost, costs, row, column, reached):  # type: ignore[no-untyped-def]
     """From the end, each time the neighbour by which the cell came to its cost."""
-    rows, columns = cost.shape
-    way = np.empty((rows * columns, 2), dtype=np.int64)
+    first_row, end_row, first_column, end_column = reached
+    way = np.empty(((end_row - first_row) * (end_column - first_column), 2), dtype=np.int64)
     way[0, 0], way[0, 1] = row, column
     count = 1
     while costs[row, column] > 0.0:
@@ -108,7 +134,9 @@ def _way_back(cost, costs, row, column):  # type: ignore[no-untyped-def]
                     r, c = row + dr, column + dc
                     if found or (dr != 0) + (dc != 0) != 1 + diagonal:
                         continue
-                    if r < 0 or c < 0 or r >= rows or c >= columns or costs[r, c] == np.inf:
+                    if r < first_row or c < first_column or r >= end_row or c >= end_column:
+                        continue
+                    if costs[r, c] == np.inf:
                         continue
                     if diagonal and (cost[row, c] == np.inf or cost[r, column] == np.inf):
                         continue

@@ -12,10 +12,10 @@ from scipy import ndimage
 from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array
 from sonar_explore.mapping.distance import Distances
-from sonar_explore.mapping.grid import OCCUPIED, GridFrame, Mask, States
+from sonar_explore.mapping.grid import OCCUPIED, Cells, GridFrame, Mask, States
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.mapping.regions import WithoutHoles
-from sonar_explore.planning.cheapest import cheapest_costs, cheapest_way
+from sonar_explore.planning.cheapest import Window, cheapest_way, spread_costs
 from sonar_explore.planning.polyline import fewer_corners
 
 TOLERANCES_M = (0.10, 0.05, 0.025)  # how far a straightened path may leave the cells of the cheapest one
@@ -57,6 +57,7 @@ class SafePaths:
         body_radius_m: float,
         config: PlanningConfig,
         daring: bool = False,
+        within_m: float = math.inf,
     ) -> None:
         """
         Args:
@@ -65,38 +66,77 @@ class SafePaths:
             body_radius_m: of the disc that must pass, [m].
             config: how much room a path keeps.
             daring: whether to go nearer to walls and to the unknown than one should.
+            within_m: longer paths, weighted by discomfort, are left out, [m]: what is farther is not looked at.
         """
         self.frame: GridFrame = grid.frame
-        res = grid.frame.resolution_m
-        room = clearance(grid, config)
+        self.within_m = within_m
+        self.least_room_m = body_radius_m + (config.daring_margin_m if daring else config.margin_m)
+        """Distance of a path from what is not free, [m]."""
+        res, start = grid.frame.resolution_m, grid.frame.cell(x, y)
+        window = _window(grid.frame, start, within_m)
+        part = np.s_[window[0] : window[1], window[2] : window[3]]
+        room, least = clearance(grid, config), self.least_room_m
         if daring:
-            room = np.minimum(room + config.unknown_credit_m, grid.to_walls_m - 0.5 * res)
-        least = body_radius_m + (config.daring_margin_m if daring else config.margin_m)
-        start = grid.frame.cell(x, y)
-        cost = np.empty(room.shape)
-        _fill_costs(room, least, config.comfort_m, config.comfort_weight, cost)
+            careful, room = room, np.empty(room.shape)
+            room[part] = np.minimum(
+                careful[part] + config.unknown_credit_m, grid.to_walls_m[part] - 0.5 * res
+            )
+        self._cell_costs, self._costs = np.empty((2, *room.shape))
+        _fill_costs(room, window, least, config.comfort_m, config.comfort_weight, self._cell_costs)
         if room[start] < least:
             leave = _escape_zone(grid, start, config.escape_m) & (room < least)
-            cost[leave] = 1.0 + 2.0 * config.comfort_weight
-            cost[start] = 1.0
+            self._cell_costs[leave] = 1.0 + 2.0 * config.comfort_weight
+            self._cell_costs[start] = 1.0
         self.room_m = room
-        """Distance of each cell to the nearest cell that is not free, shape (rows, columns), [m]."""
-        self._cell_costs = cost
-        self._costs = cheapest_costs(cost, start)
-        self.within = (self._costs < np.inf) & (room >= least)
-        """Cells that the body can be driven to, shape (rows, columns)."""
+        """Distance of each cell to the nearest cell that is not free, shape (rows, columns), [m]; where paths lead."""
+        self.reached = spread_costs(self._cell_costs, start, window, within_m / res, self._costs)
+        """The part of the grid that paths lead to."""
 
     @property
     def cost_m(self) -> Array:
         """Path length weighted by discomfort to each cell, shape (rows, columns), [m]; inf where there is no way."""
-        return np.asarray(self._costs * self.frame.resolution_m)
+        first_row, end_row, first_column, end_column = self.reached
+        costs = np.full(self._costs.shape, np.inf)
+        part = np.s_[first_row:end_row, first_column:end_column]
+        costs[part] = self._costs[part] * self.frame.resolution_m
+        return costs
+
+    @property
+    def within(self) -> Mask:
+        """Cells that the body can be driven to, shape (rows, columns)."""
+        return np.asarray((self.cost_m < np.inf) & (self.room_m >= self.least_room_m))
+
+    def costs_to_m(self, cells: Cells) -> Array:
+        """`cost_m` of cells of the part reached, shape (n, 2): shape (n,)."""
+        return np.asarray(self._costs[cells[:, 0], cells[:, 1]] * self.frame.resolution_m)
+
+    def roomiest(self, to_walls_m: Array, least_room_m: float, spacing_m: float) -> Cells:
+        """In each square of a lattice, by its row and column, the cell with the most room that the body can be driven
+        to and that is as far from walls, shape (n, 2)."""
+        frame, limits = self.frame, (self.least_room_m, least_room_m)
+        corner = frame.x0, frame.y0, frame.resolution_m
+        return np.asarray(
+            _roomiest(self._costs, self.room_m, to_walls_m, limits, self.reached, corner, spacing_m)
+        )
 
     def to(self, x: float, y: float) -> Array | None:
         """The way to a place as a polyline of cell centres, shape (n, 2), map frame, [m]; None where there is none."""
-        cell = self.frame.cell(x, y)
-        if not self.frame.contains(np.array([cell]))[0] or not np.isfinite(self._costs[cell]):
+        row, column = self.frame.cell(x, y)
+        first_row, end_row, first_column, end_column = self.reached
+        inside = first_row <= row < end_row and first_column <= column < end_column
+        if not inside or not np.isfinite(self._costs[row, column]):
             return None
-        return self.frame.centres(cheapest_way(self._cell_costs, self._costs, cell))
+        return self.frame.centres(cheapest_way(self._cell_costs, self._costs, (row, column), self.reached))
+
+
+def _window(frame: GridFrame, start: tuple[int, int], within_m: float) -> Window:
+    """The rows and columns that paths so long can lead to."""
+    rows, columns = frame.shape
+    reach = math.ceil(min(within_m / frame.resolution_m, float(rows + columns))) + 1
+    return (
+        *(max(0, start[0] - reach), min(rows, start[0] + reach + 1)),
+        *(max(0, start[1] - reach), min(columns, start[1] + reach + 1)),
+    )
 
 
 def clearance(grid: OccupancyGrid, config: PlanningConfig) -> Array:
@@ -140,15 +180,42 @@ def _escape_zone(grid: OccupancyGrid, start: tuple[int, int], within_m: float) -
 
 
 @kernel
-def _fill_costs(room, least, comfort, weight, cost):  # type: ignore[no-untyped-def]
+def _fill_costs(room, window, least, comfort, weight, cost):  # type: ignore[no-untyped-def]
     """1 in the open, the more the less room, inf where there is too little."""
-    for row in range(room.shape[0]):
-        for column in range(room.shape[1]):
+    for row in range(window[0], window[1]):
+        for column in range(window[2], window[3]):
             here = room[row, column]
             cost[row, column] = np.inf
             if here >= least:
                 lack = min(1.0, max(0.0, (comfort - here) / (comfort - least)))
                 cost[row, column] = 1.0 + weight * (lack * lack)
+
+
+@kernel
+def _roomiest(costs, room, to_walls, limits, reached, corner, spacing):  # type: ignore[no-untyped-def]
+    """The first cell with the most room of those in each square of the lattice; rooms equal to a micrometre are one."""
+    least_room, least_to_walls = limits
+    first_row, end_row, first_column, end_column = reached
+    x0, y0, resolution = corner
+    lowest = int(math.floor(((first_row + 0.5) * resolution + y0) / spacing))
+    leftmost = int(math.floor(((first_column + 0.5) * resolution + x0) / spacing))
+    highest = int(math.floor(((end_row - 0.5) * resolution + y0) / spacing))
+    rightmost = int(math.floor(((end_column - 0.5) * resolution + x0) / spacing))
+    best = np.full((highest - lowest + 1, rightmost - leftmost + 1, 2), -1)
+    most = np.full(best.shape[:2], -np.inf)
+    square = np.empty(end_column, dtype=np.int64)
+    for column in range(first_column, end_column):
+        square[column] = int(math.floor(((column + 0.5) * resolution + x0) / spacing)) - leftmost
+    for row in range(first_row, end_row):
+        i = int(math.floor(((row + 0.5) * resolution + y0) / spacing)) - lowest
+        for column in range(first_column, end_column):
+            reachable = costs[row, column] < np.inf and room[row, column] >= least_room
+            if reachable and to_walls[row, column] >= least_to_walls:
+                here, j = np.rint(room[row, column] * 1e6), square[column]
+                if here > most[i, j]:
+                    most[i, j], best[i, j, 0], best[i, j, 1] = here, row, column
+    flat = best.reshape(-1, 2)
+    return flat[flat[:, 0] >= 0]
 
 
 def straightened(path: Array, room_m: Array, frame: GridFrame, enough_m: float = 0.32) -> Array:

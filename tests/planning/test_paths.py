@@ -198,3 +198,35 @@ def test_clearance_that_goes_on_from_map_to_map_is_what_one_map_alone_gives(seed
         states = states.copy()
         row, column = rng.integers(0, states.shape)
         states[row : row + rng.integers(1, 12), column : column + rng.integers(1, 12)] = rng.integers(3)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seeds, st.booleans())
+def test_paths_that_are_looked_for_near_by_alone_are_those_of_all_paths(seed, daring):
+    grid, x, y, rng = cluttered(seed)
+    within_m = rng.uniform(0.5, 6.0)
+    all_, near = (SafePaths(grid, x, y, BODY_M, CONFIG, daring, limit) for limit in (np.inf, within_m))
+    close = all_.cost_m <= within_m
+    assert (near.cost_m == np.where(close, all_.cost_m, np.inf)).all()
+    assert (near.within == (all_.within & close)).all()
+    for row, column in rng.permutation(np.argwhere(all_.within))[:5]:
+        place = FRAME.centres(np.array([[row, column]]))[0]
+        path, expected = near.to(*place), all_.to(*place) if close[row, column] else None
+        assert (path is None) == (expected is None)
+        assert path is None or expected is None or np.array_equal(path, expected)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seeds)
+def test_in_each_square_of_the_lattice_the_roomiest_place_to_drive_to_is_chosen(seed):
+    grid, x, y, rng = cluttered(seed)
+    paths, spacing = SafePaths(grid, x, y, BODY_M, CONFIG), rng.uniform(0.1, 0.6)
+    usable = np.argwhere(paths.within & (grid.to_walls_m >= 0.38))
+    squares = np.floor(FRAME.centres(usable)[:, ::-1] / spacing).astype(int).tolist()
+    expected: dict = {}
+    for (row, column), square in zip(usable.tolist(), squares, strict=True):
+        room = round(paths.room_m[row, column] * 1e6)
+        if room > expected.get(tuple(square), (-1,))[0]:
+            expected[tuple(square)] = room, row, column
+    found = paths.roomiest(grid.to_walls_m, 0.38, spacing).tolist()
+    assert found == [list(expected[square][1:]) for square in sorted(expected)]
