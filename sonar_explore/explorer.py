@@ -16,13 +16,14 @@ from sonar_explore.measurement import Scan
 from sonar_explore.planning.candidates import Candidate, CandidateFinder
 from sonar_explore.planning.driving import DriveEnd, Driver, DriveReport
 from sonar_explore.planning.offers import Offers
-from sonar_explore.planning.paths import SafePaths, path_length, sampled, straightened
+from sonar_explore.planning.paths import path_length, sampled, straightened
 from sonar_explore.planning.surroundings import Surroundings
 from sonar_explore.robot import Robot
 from sonar_explore.slam import Chain, ScanUpdate, Slam
 
 MIN_FRONTIER_M = 0.15
 MAX_REPLANS = 4
+DETOUR = 1.5  # times as long a way is taken on the map that is believed, before one through doubted walls
 BACK_OFF_M_S, BACK_OFF_TICKS = 0.1, 20
 
 
@@ -152,8 +153,7 @@ class Explorer:
         end = DriveEnd.BLOCKED
         for _ in range(MAX_REPLANS):
             pose = self.pose()
-            paths = self._surroundings.paths(pose)
-            path = self._way(pose, paths, candidate)
+            path = self._way(pose, candidate)
             if path is None:
                 break
             first = path if first is None else first
@@ -166,16 +166,18 @@ class Explorer:
             self._remember_shut(report)
             if end is DriveEnd.BUMPED:  # nobody knows where the body touched: look before going on
                 break
-        self._offers.learn(candidate, end)
         here = self.pose()
+        self._offers.learn(candidate, end, here)
         return Trip(end, np.array([[here.x, here.y]]) if first is None else first, (*self._leg_trail, here))
 
-    def _way(self, pose: Pose, paths: SafePaths, candidate: Candidate) -> Array | None:
-        path = paths.to(candidate.x, candidate.y)
-        if path is None:
-            return None
-        path = straightened(path, paths.room_m, self.grid.frame)
-        return np.vstack([[pose.x, pose.y], path[1:], [candidate.x, candidate.y]])
+    def _way(self, pose: Pose, candidate: Candidate) -> Array | None:
+        """The safest way of those that are not much longer; None where there is none."""
+        for paths, longest_m in self._surroundings.all_paths(pose, DETOUR * candidate.path_length_m):
+            path = paths.to(candidate.x, candidate.y)
+            if path is not None and path_length(path) <= longest_m:
+                path = straightened(path, paths.room_m, paths.frame)
+                return np.vstack([[pose.x, pose.y], path[1:], [candidate.x, candidate.y]])
+        return None
 
     def _first_leg(self, path: Array) -> Array:
         """The path, or where it is long its first part, up to a place with room for a scan."""

@@ -13,9 +13,11 @@ from sonar_explore.envs.simulator import Simulator
 from sonar_explore.envs.world import World
 from sonar_explore.explorer import Explorer
 from sonar_explore.geometry import Pose
-from sonar_explore.mapping.grid import FREE
+from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame
+from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.planning.candidates import Candidate
 from sonar_explore.planning.driving import DriveEnd
+from sonar_explore.planning.paths import PlanningConfig, SafePaths
 from sonar_explore.slam import make_slam
 
 CONFIG = ExplorationConfig().with_noise("ideal")
@@ -54,6 +56,30 @@ def explorer_in(config=CONFIG, wrap=lambda robot: robot):
 
 def place(x, y):
     return Candidate(x, y, 1.0, 1.0, (), 0.0, ())
+
+
+def wall_on_the_map(length_rows):
+    """A free field of 4 m by 4 m, and a wall across it from below at x = 2 m."""
+    states = np.full((80, 80), FREE, dtype=np.uint8)
+    states[:length_rows, 40] = OCCUPIED
+    return SafePaths(
+        OccupancyGrid(GridFrame(0.0, 0.0, 0.05, (80, 80)), states), 1.0, 1.0, 0.18, PlanningConfig()
+    )
+
+
+@pytest.mark.parametrize(("length_rows", "round_it"), [(25, True), (70, False), (80, False)])
+def test_a_place_behind_a_doubted_wall_is_driven_to_round_the_wall_unless_that_is_much_longer(
+    length_rows, round_it
+):
+    _, explorer = explorer_in()
+    surroundings = explorer._surroundings
+    maps = {False: wall_on_the_map(length_rows), True: wall_on_the_map(0)}
+    surroundings.paths = lambda pose: maps[surroundings.doubtful]
+    surroundings.doubtful = surroundings.daring = True
+    candidate = Candidate(3.0, 1.0, 2.0, 2.0, (), 0.0, ())
+    way = explorer._way(Pose(1.0, 1.0, 0.0), candidate)
+    assert way is not None and (way[:, 1].max() > 1.3) == round_it
+    assert surroundings.doubtful and surroundings.daring
 
 
 def farthest(situation):

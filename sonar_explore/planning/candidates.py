@@ -34,7 +34,9 @@ class CandidateConfig:
     least_area_m2: float = 0.5
     """New area below which a place is not worth a scan, [m2],"""
     area_per_m: float = 0.1
-    """and how much more for each metre of the way there: nobody crosses a building for a crumb, [m2/m]."""
+    """and how much more for each metre of the way there: nobody crosses a building for a crumb, [m2/m];"""
+    enough_m2: float = 1.5
+    """but so much is worth any way, [m2]: a room is more than a crumb however far off it is."""
     apart_m: float = 0.30
     """Least distance from every earlier scan position and from places put aside, [m]."""
     most: int = 32
@@ -102,7 +104,8 @@ class CandidateFinder:
         meets = self._answered(places, spans[dangling], grid)
         meets[meets] = self._answered(places[meets], spans[~dangling], grid)
         length = paths.costs_to_m(cells)
-        enough = area >= self._config.least_area_m2 + self._config.area_per_m * length
+        least = self._config.least_area_m2 + self._config.area_per_m * length
+        enough = area >= np.minimum(least, max(self._config.least_area_m2, self._config.enough_m2))
         worth = enough | meets
         rank = np.where(enough, area, 0.0) + 0.2 * meets
         chosen = self._spread(places, np.where(worth, rank / (1.0 + length), 0.0))

@@ -71,15 +71,15 @@ class Offers:
         for chain in candidate.missing_links:
             self._tried[chain] = self._tried.get(chain, 0) + 1
 
-    def learn(self, candidate: Candidate, end: DriveEnd) -> None:
-        """How the way there went."""
+    def learn(self, candidate: Candidate, end: DriveEnd, here: Pose) -> None:
+        """How the way there went, and where the robot stands now."""
         place = candidate.x, candidate.y
         if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED):
             self._put_aside.append(place)
         self.goal = place if end is DriveEnd.UNDERWAY else None
         if self._surroundings.doubtful and end is not DriveEnd.UNDERWAY:
             self._doubts -= 1
-            self._doubted.append(place)
+            self._doubted.append((here.x, here.y))  # it looks from here, wherever it was going
 
     def _candidates(self, pose: Pose, put_aside: Sequence[tuple[float, float]]) -> tuple[Candidate, ...]:
         here, tried = self._surroundings, tuple(sorted(self._tried.items()))
@@ -113,6 +113,8 @@ class Offers:
         free_m2 = here.free_m2
         if free_m2 >= self._free_m2_at_doubts + DOUBTS_AGAIN_AFTER_M2:
             self._free_m2_at_doubts, self._doubts = free_m2, DOUBTS
+        # what was drawn twice and is drawn once since the poses were corrected was no find
+        self._free_m2_at_doubts = min(self._free_m2_at_doubts, free_m2)
         if not self._doubts:
             return ()
         here.daring = True
@@ -138,6 +140,7 @@ class Offers:
         here.daring = True
         obstacles = here.swap_obstacles([])
         free_m2 = here.free_m2
+        self._free_m2_at_chance = min(self._free_m2_at_chance, free_m2)
         found = tuple(c for c in self._candidates(pose, ()) if c.new_area_m2 >= DOUBT_AREA_M2)
         if found and free_m2 >= self._free_m2_at_chance + SECOND_CHANCE_AFTER_M2:
             self._free_m2_at_chance, self._put_aside = free_m2, []

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,6 +113,17 @@ class Surroundings:
                 self.grid, pose.x, pose.y, self._radius_m, config, daring=self.daring
             )
         return self._plans[key]
+
+    def all_paths(self, pose: Pose, detour_m: float) -> Iterator[tuple[SafePaths, float]]:
+        """The same, and how long they may be, [m]: before those of the map as it is taken, safe ones on the map that is
+        believed. A place worth a doubt is no reason to drive through walls on the way there.
+        """
+        taken_as = self.doubtful, self.daring
+        for ways in sorted({(False, False), (False, self.daring), taken_as}):
+            self.doubtful, self.daring = ways
+            paths = self.paths(pose)
+            self.doubtful, self.daring = taken_as
+            yield paths, math.inf if ways == taken_as else detour_m
 
     def way_so_far(self) -> tuple[Array, NDArray[np.intp]]:
         """Where the body has been in order, map frame, shape (n, 2), [m]; and which of it are scan positions."""

@@ -55,7 +55,8 @@ def test_candidates_are_reachable_roomy_new_and_no_more_than_asked(seed):
         cell = FRAME.cell(c.x, c.y)
         assert paths.within[cell] and grid.states[cell] == FREE
         assert grid.to_walls_m[cell] >= config.least_room_m
-        assert c.new_area_m2 >= config.least_area_m2 + config.area_per_m * c.path_length_m
+        least = config.least_area_m2 + config.area_per_m * c.path_length_m
+        assert c.new_area_m2 >= min(least, config.enough_m2)
         assert c.path_length_m == pytest.approx(paths.cost_m[cell])
         taken = np.vstack([scanned, aside])
         assert np.hypot(*(taken - (c.x, c.y)).T).min() >= config.apart_m
@@ -65,6 +66,13 @@ def test_candidates_are_reachable_roomy_new_and_no_more_than_asked(seed):
 def test_there_are_candidates_where_there_is_something_to_see():
     counts = [len(find(*half_known(seed)[:2])[0]) for seed in range(10)]
     assert min(counts) > 0
+
+
+def test_a_room_is_worth_any_way_and_a_crumb_is_not():
+    config = CandidateConfig(area_per_m=100.0)
+    maps = [half_known(seed)[:2] for seed in range(10)]
+    found = [c for grid, here in maps for c in find(grid, here, config=config)[0]]
+    assert min(c.new_area_m2 for c in found if c.path_length_m > 0.1) >= config.enough_m2
 
 
 def test_in_a_closed_mapped_room_nothing_is_worth_a_scan():

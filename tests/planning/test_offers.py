@@ -1,0 +1,92 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
+"""Where the robot could go next, from places that a finder is made to find."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sonar_explore.config import ExplorationConfig
+from sonar_explore.geometry import Pose
+from sonar_explore.planning.candidates import Candidate
+from sonar_explore.planning.driving import DriveEnd
+from sonar_explore.planning.offers import DOUBTS, DOUBTS_AGAIN_AFTER_M2, Offers
+
+HERE = Pose(0.0, 0.0, 0.0)
+AWAY = Pose(5.0, 0.0, 0.0)
+
+
+def place(x, y):
+    return Candidate(x, y, 1.0, 2.0, (), 0.0, ())
+
+
+class Land:
+    """Surroundings where all that is left is behind walls that may be doubted, and a finder of it."""
+
+    def __init__(self, *places):
+        self.places, self.version, self.doubtful, self.daring, self.free_m2 = places, 0, False, False, 50.0
+        self.grid, self.scan_positions = None, np.zeros((0, 2))
+
+    def believe(self, *, doubtful):
+        self.doubtful = doubtful
+
+    def paths(self, pose):
+        return None
+
+    def swap_obstacles(self, obstacles):
+        self.version += 1
+        return []
+
+    def find(self, grid, paths, chains, scanned, put_aside, tried):
+        return tuple(
+            c
+            for c in self.places
+            if self.doubtful and not (np.hypot(*(put_aside - (c.x, c.y)).T) < 0.3).any()
+        )
+
+
+def offers_in(land):
+    planning = SimpleNamespace(close_loops=False)
+    config: Any = SimpleNamespace(planning=planning, candidates=ExplorationConfig().candidates)
+    return Offers(land, SimpleNamespace(chains=SimpleNamespace(chains=())), land, config)
+
+
+def try_one(offers, land, end, here):
+    found = offers.now(HERE)
+    if found:
+        land.version += 1
+        offers.learn(found[0], end, here)
+        land.believe(doubtful=False)
+    return found
+
+
+def test_a_place_where_the_robot_looked_in_doubt_is_not_looked_from_again():
+    land = Land(place(0.5, 0.0), place(0.9, 0.0))
+    offers = offers_in(land)
+    assert try_one(offers, land, DriveEnd.ARRIVED, Pose(0.5, 0.0, 0.0))
+    assert offers.now(HERE) == ()
+
+
+def test_a_way_that_was_shut_far_from_a_doubtful_place_says_nothing_of_what_is_to_be_seen_there():
+    land = Land(place(0.5, 0.0), place(0.9, 0.0))
+    offers = offers_in(land)
+    assert try_one(offers, land, DriveEnd.BLOCKED, AWAY)
+    assert offers.now(HERE) == (place(0.9, 0.0),)
+
+
+@pytest.mark.parametrize(
+    ("found_m2", "again"), [(0.5 * DOUBTS_AGAIN_AFTER_M2, False), (DOUBTS_AGAIN_AFTER_M2, True)]
+)
+@pytest.mark.parametrize("corrected_m2", [0.0, 20.0])
+def test_doubts_come_back_with_what_is_found_also_where_a_correction_made_the_map_smaller(
+    corrected_m2, found_m2, again
+):
+    land = Land(*(place(2.0 * i, 0.0) for i in range(2 * DOUBTS)))
+    offers = offers_in(land)
+    for i in range(DOUBTS):
+        assert try_one(offers, land, DriveEnd.ARRIVED, Pose(2.0 * i, 0.0, 0.0))
+    land.free_m2 -= corrected_m2
+    assert offers.now(HERE) == ()
+    land.free_m2 += found_m2
+    assert bool(offers.now(HERE)) == again
