@@ -14,7 +14,7 @@ from sonar_explore.planning.candidates import Candidate, CandidateFinder
 from sonar_explore.planning.driving import DriveEnd
 from sonar_explore.planning.loops import blocks_of, open_loops, went_round
 from sonar_explore.planning.paths import path_length
-from sonar_explore.planning.surroundings import Surroundings
+from sonar_explore.planning.surroundings import Anchored, Surroundings
 from sonar_explore.slam import Slam
 
 NEAR_M = 3.0  # what is left within this is finished before the robot goes farther
@@ -40,13 +40,14 @@ class Offers:
         self._finder = finder
         self._config = config
         self._found: dict[tuple[object, ...], tuple[Candidate, ...]] = {}
-        self._put_aside: list[tuple[float, float]] = []
-        """Places that the way to was shut."""
+        self._put_aside: list[Anchored] = []
+        """Places that the way to was shut, anchored to scans: they move with a correction."""
         self._tried: dict[int, int] = {}
         """How often the robot has gone to meet each dangling chain."""
         self._doubts = DOUBTS
         self._free_m2_at_doubts = -math.inf
-        self._doubted: list[tuple[float, float]] = []
+        self._doubted: list[Anchored] = []
+        """Places that the robot looked from by a doubted map, anchored."""
         self._free_m2_at_chance = -math.inf
         self._loop_trips = LOOP_TRIPS
         self.goal: tuple[float, float] | None = None
@@ -75,18 +76,20 @@ class Offers:
         """How the way there went, and where the robot stands now."""
         place = candidate.x, candidate.y
         if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED):
-            self._put_aside.append(place)
+            self._put_aside.append(self._surroundings.anchored(*place))
         self.goal = place if end is DriveEnd.UNDERWAY else None
         if self._surroundings.doubtful and end is not DriveEnd.UNDERWAY:
             self._doubts -= 1
-            self._doubted.append((here.x, here.y))  # it looks from here, wherever it was going
+            # it looks from here, wherever it was going
+            self._doubted.append(self._surroundings.anchored(here.x, here.y))
 
-    def _candidates(self, pose: Pose, put_aside: Sequence[tuple[float, float]]) -> tuple[Candidate, ...]:
+    def _candidates(self, pose: Pose, put_aside: Sequence[Anchored]) -> tuple[Candidate, ...]:
         here, tried = self._surroundings, tuple(sorted(self._tried.items()))
-        key = (here.version, here.doubtful, here.daring, pose.x, pose.y, tuple(put_aside), tried)
+        places = here.placed(put_aside)
+        key = (here.version, here.doubtful, here.daring, pose.x, pose.y, tuple(places), tried)
         if key not in self._found:
             self._found = {k: v for k, v in self._found.items() if k[0] == here.version}
-            aside = np.array(put_aside).reshape(-1, 2)
+            aside = np.array(places).reshape(-1, 2)
             chains = self._slam.chains.chains
             self._found[key] = self._finder.find(
                 here.grid, here.paths(pose), chains, here.scan_positions, aside, self._tried
@@ -119,12 +122,13 @@ class Offers:
             return ()
         here.daring = True
         here.believe(doubtful=True)
+        doubted = here.placed(self._doubted)
         found = [
             c
             for c in self._candidates(pose, self._put_aside)
             if c.path_length_m <= within_m
             and _is_worth_a_doubt(c)
-            and all(math.hypot(x - c.x, y - c.y) > DOUBTED_M for x, y in self._doubted)
+            and all(math.hypot(x - c.x, y - c.y) > DOUBTED_M for x, y in doubted)
         ]
         if found:
             x, y = self.goal or (math.inf, math.inf)
@@ -161,10 +165,11 @@ class Offers:
         paths, apart_m = here.paths(pose), self._config.candidates.apart_m
         offers: list[tuple[bool, Candidate]] = []
         trail, scans = here.way_so_far()
+        put_aside = here.placed(self._put_aside)
         for loop in open_loops(trail, scans, here.grid):
             for x, y in loop.goals.tolist():
                 path = paths.to(x, y)
-                aside = any(math.hypot(x - a, y - b) <= SAME_PLACE_M for a, b in self._put_aside)
+                aside = any(math.hypot(x - a, y - b) <= SAME_PLACE_M for a, b in put_aside)
                 if path is None or aside or math.hypot(x - pose.x, y - pose.y) <= apart_m:
                     continue
                 offers.append((not loop.closed_by(path), _scan_at(x, y, path)))

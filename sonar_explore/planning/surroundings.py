@@ -16,6 +16,9 @@ from sonar_explore.planning.paths import SafePaths
 from sonar_explore.slam import Slam
 from sonar_explore.slam.features import Feature
 
+Anchored = tuple[int, Pose]
+"""A place: index of a scan, and where the place is in that scan's frame (the heading says nothing)."""
+
 
 class Surroundings:
     """The map in the two ways it can be taken, and the ways on it in the two ways they can be planned.
@@ -93,6 +96,14 @@ class Surroundings:
         first, last = in_scan.transform(obstacle[[1, -2]] if len(obstacle) > 2 else obstacle[[0, -1]])
         self._obstacles.append((len(self._looks) - 1, np.array([[*first, *last]])))
         self._changed()
+
+    def anchored(self, x: float, y: float) -> Anchored:
+        """A place, map frame, [m], that moves with the last scan from now on."""
+        return len(self._slam.scans) - 1, self._slam.scans[-1].pose.inverse() @ Pose(x, y, 0.0)
+
+    def placed(self, anchored: Sequence[Anchored]) -> list[tuple[float, float]]:
+        """Where such places are by the poses now believed, x y, map frame, [m]."""
+        return [(place.x, place.y) for place in (self._slam.scans[i].pose @ at for i, at in anchored)]
 
     def swap_obstacles(self, obstacles: list[tuple[int, Array]]) -> list[tuple[int, Array]]:
         """Take these for what has shut the way so far; what was taken for it until now."""

@@ -26,10 +26,17 @@ class Land:
 
     def __init__(self, *places):
         self.places, self.version, self.doubtful, self.daring, self.free_m2 = places, 0, False, False, 50.0
+        self.correction_m = 0.0
         self.grid, self.scan_positions = None, np.zeros((0, 2))
 
     def believe(self, *, doubtful):
         self.doubtful = doubtful
+
+    def anchored(self, x, y):
+        return 0, Pose(x - self.correction_m, y, 0.0)
+
+    def placed(self, anchored):
+        return [(at.x + self.correction_m, at.y) for _, at in anchored]
 
     def paths(self, pose):
         return None
@@ -90,3 +97,14 @@ def test_doubts_come_back_with_what_is_found_also_where_a_correction_made_the_ma
     assert offers.now(HERE) == ()
     land.free_m2 += found_m2
     assert bool(offers.now(HERE)) == again
+
+
+@pytest.mark.parametrize("correction_m", [0.0, 2.0])
+def test_what_was_put_aside_or_looked_from_moves_with_the_map(correction_m):
+    land = Land(place(0.5, 0.0), place(3.0, 0.0))
+    offers = offers_in(land)
+    assert try_one(offers, land, DriveEnd.BLOCKED, Pose(3.0, 0.0, 0.0))  # goes to 0.5, looks from 3.0
+    land.version, land.correction_m = land.version + 1, correction_m
+    moved = place(0.5 + correction_m, 0.0), place(3.0 + correction_m, 0.0)
+    land.places = (*moved, place(8.0, 0.0), place(8.0 + correction_m, 1.0))
+    assert not set(moved) & set(offers.now(HERE)) and place(8.0, 0.0) in offers.now(HERE)
