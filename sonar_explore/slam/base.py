@@ -17,6 +17,7 @@ from sonar_explore.slam.dual import Merge
 from sonar_explore.slam.features import Feature, FeatureConfig
 from sonar_explore.slam.link_graph import LinkGraphConfig, LinkGraphs
 from sonar_explore.slam.localization import Correction, LocalizationConfig
+from sonar_explore.slam.loop_closing import LoopConfig
 from sonar_explore.slam.odometry_filter import FilterConfig
 from sonar_explore.slam.particles import ParticleConfig
 from sonar_explore.slam.point_matching import MatchingConfig
@@ -44,6 +45,7 @@ class SlamConfig:
     reference: ReferenceConfig = field(default_factory=ReferenceConfig)
     odometry: FilterConfig = field(default_factory=FilterConfig)
     matching: MatchingConfig = field(default_factory=MatchingConfig)
+    loops: LoopConfig = field(default_factory=LoopConfig)
     smoothing: SmoothingConfig = field(default_factory=SmoothingConfig)
     particles: ParticleConfig = field(default_factory=ParticleConfig)
     scan_match: ScanMatchConfig = field(default_factory=ScanMatchConfig)

@@ -23,6 +23,8 @@ class MatchingConfig:
 
     reach_m: float = 0.5
     """How far a point may be from where it was expected, [m]."""
+    sure_m: float = 0.06
+    """A known point or chain whose place is less sure than this, seen from here, waits for a loop to be closed, [m]."""
     place_m: float = 0.02
     """Standard deviation of where a point is heard, [m]."""
     unmatched: float = 3.5

@@ -15,6 +15,7 @@ from sonar_explore.slam.association import Association
 from sonar_explore.slam.base import ScanEntry, ScanUpdate, SlamConfig
 from sonar_explore.slam.columns import PointKind
 from sonar_explore.slam.dual import surviving
+from sonar_explore.slam.loop_closing import closed, visits
 from sonar_explore.slam.motion import MotionSum, RandomWalk
 from sonar_explore.slam.point_matching import matched
 from sonar_explore.slam.points import Point
@@ -28,10 +29,12 @@ class SmoothedSlam(ChainSlam):
 
     def __init__(self, start: Pose, config: SlamConfig, robot: AmigoBot | None = None) -> None:
         super().__init__(start, config, robot)
-        odometry = config.odometry
-        self._smoother = Smoother(start, config.smoothing, (odometry.turn_error, odometry.bend_rad_m))
+        odometry, smoothing = config.odometry, config.smoothing
+        self._smoother = Smoother(start, smoothing, (smoothing.turn_error, smoothing.bend_rad_m))
         self._kinds: list[PointKind] = []
         """Of every point, by its number."""
+        self._heard_at: list[tuple[int, int]] = []
+        """First and last scan that heard it."""
         self._motion = MotionSum(RandomWalk(odometry.turn_rad, odometry.drift_rad, odometry.distance_m))
 
     def predict(self, pose_robot_in_odometry: Pose) -> Pose:
@@ -60,7 +63,9 @@ class SmoothedSlam(ChainSlam):
             self._smoother.add_sighting(Sighting.of(update.index, chain, update.features[i], self._smear))
         for point, number in zip(self._points, met, strict=True):
             self._smoother.add_point(Sighting.of(update.index, number, point, known))
+            self._heard_at[number] = self._heard_at[number][0], update.index
         self._smoother.solve()
+        self._close_loops()
         self._move_everything()
         return replace(update, pose=self.pose)
 
@@ -80,6 +85,7 @@ class SmoothedSlam(ChainSlam):
         out = [len(self._kinds) + k for k in range(len(points))]
         kinds = np.array(self._kinds, dtype=np.intp)
         self._kinds += [point.kind for point in points]
+        self._heard_at += [(len(self._entries) - 1, len(self._entries) - 1)] * len(points)
         if not len(numbers) or not points:
             return out
         here = np.array([p.seen_from(pose, turn_error) for p in points])
@@ -92,8 +98,30 @@ class SmoothedSlam(ChainSlam):
         variance = 0.5 * np.trace(spread, axis1=1, axis2=2)
         prior = self._filter.covariance[:3, :3]
         alike = np.array([point.kind for point in points])[:, None] == kinds[numbers]
+        alike &= variance <= config.sure_m**2
         found = matched(here, np.array([pose.x, pose.y]), prior, places, variance, config, alike)
         return [int(numbers[j]) if j >= 0 else new for j, new in zip(found, out, strict=True)]
+
+    def _close_loops(self) -> None:
+        """Where what was heard of late is what was heard long ago, put the two together."""
+        config, now = self.config.loops, len(self._entries) - 1
+        numbers, places = self._smoother.points()
+        if not len(numbers):
+            return
+        (first, last), kinds = np.array(self._heard_at)[numbers].T, np.array(self._kinds)[numbers]
+        recent = np.flatnonzero(first > now - config.recent)
+        for old in visits(places, last, recent, now, config):
+            prior = self._smoother.drift(int(np.median(last[old])))
+            alike = kinds[recent][:, None] == kinds[old][None]
+            about = self._smoother.poses[-1, :2]
+            pairs = closed(places[recent], places[old], alike, about, prior, config)
+            for i, j in pairs:
+                absorbed, survivor = int(numbers[recent[i]]), int(numbers[old[j]])
+                self._smoother.merge_points(survivor, absorbed)
+                self._heard_at[survivor] = self._heard_at[survivor][0], self._heard_at[absorbed][1]
+            if pairs:
+                self._smoother.solve()
+                return
 
     def _move_everything(self) -> None:
         poses = [Pose(*map(float, row)) for row in self._smoother.poses]
@@ -105,9 +133,15 @@ class SmoothedSlam(ChainSlam):
         self._filter.restart(*map(float, (*self._smoother.constants[:2], self._smoother.own[-1])))
 
     def _believable(self, associations: Sequence[Association], residuals: Residuals) -> NDArray[np.bool_]:
-        """By the odometry since the last scan, and by how sure that scan's pose is relative to each chain."""
-        spread = [
-            self._smoother.covariance(association.chain, self.pose, normal)
-            for association, normal in zip(associations, residuals.normals, strict=True)
-        ]
-        return self._filter.believable(residuals, np.array(spread).reshape(-1, 2, 2))
+        """By the odometry since the last scan, and by how sure that scan's pose is relative to each chain.
+
+        Of a chain that is too unsure of where it is, seen from here, any parallel wall may seem to be the next piece.
+        """
+        spread = np.array(
+            [
+                self._smoother.covariance(association.chain, self.pose, normal)
+                for association, normal in zip(associations, residuals.normals, strict=True)
+            ]
+        ).reshape(-1, 2, 2)
+        sure = spread[:, 1, 1] <= self.config.matching.sure_m**2
+        return self._filter.believable(residuals, spread) & sure

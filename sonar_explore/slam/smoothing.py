@@ -51,6 +51,10 @@ class SmoothingConfig:
     """Of a feature's normal as one disc hears it, by the lattice of headings, [rad]."""
     bearing_least_rad: float = math.radians(0.3)
     """The same, however many discs heard it, [rad]."""
+    turn_error: float = 0.012
+    """Of the relative error of all turns: it is learned on the way, so that a worn robot's costs a good one little."""
+    bend_rad_m: float = math.radians(2.0)
+    """Of the bend of straight drives, likewise, [rad/m]."""
     turn_rad: float = math.radians(1.5)
     """Random heading error of the full turn of a scan, [rad]."""
     range_m: float = 0.015
@@ -165,19 +169,41 @@ class Smoother:
         """A point; from the second scan that hears it on it is in the problem."""
         number = sighting.what
         if number in self._once:
-            first = self._once.pop(number)
-            self._row_of_point[number] = row = len(self._points)
-            self._points = np.vstack([self._points, self._place(first)])
-            thick = first.radius_m > 0.0
-            self._radius_of = np.append(self._radius_of, len(self.radii) if thick else -1)
-            self.radii = np.append(self.radii, first.radius_m) if thick else self.radii
-            self._met = np.vstack([self._met, first.as_row()])
-            self._met[-1, 1] = row
+            self._bind(number)
         elif number not in self._row_of_point:
             self._once[number] = sighting
             return
+        self._hear(sighting)
+
+    def _bind(self, number: int) -> None:
+        """A point that was heard once is in the problem from now on."""
+        first = self._once.pop(number)
+        self._row_of_point[number] = len(self._points)
+        self._points = np.vstack([self._points, self._place(first)])
+        thick = first.radius_m > 0.0
+        self._radius_of = np.append(self._radius_of, len(self.radii) if thick else -1)
+        self.radii = np.append(self.radii, first.radius_m) if thick else self.radii
+        self._hear(first)
+
+    def _hear(self, sighting: Sighting) -> None:
         self._met = np.vstack([self._met, sighting.as_row()])
-        self._met[-1, 1] = self._row_of_point[number]
+        self._met[-1, 1] = self._row_of_point[sighting.what]
+
+    def merge_points(self, survivor: int, absorbed: int) -> None:
+        """Two points of one kind are one."""
+        for number in (survivor, absorbed):
+            if number in self._once:
+                self._bind(number)
+        row = self._row_of_point.pop(absorbed)
+        rows, radius = self._met[:, 1], self._radius_of[row]
+        rows[rows == row] = self._row_of_point[survivor]
+        rows[rows > row] -= 1
+        self._row_of_point = {n: r - (r > row) for n, r in self._row_of_point.items()}
+        self._points, self._radius_of = np.delete(self._points, row, axis=0), np.delete(self._radius_of, row)
+        if radius >= 0:
+            self.radii = np.delete(self.radii, radius)
+            self._radius_of[self._radius_of > radius] -= 1
+        self._far_off = True
 
     def points(self) -> tuple[NDArray[np.intp], Array]:
         """Number and place x y, shape (n, 2), [m], of every point so far."""
@@ -231,6 +257,20 @@ class Smoother:
         ask[n, 1], ask[n + 1, 1], ask[n + 2, 1] = c, s, s * (at.x - last_x) - c * (at.y - last_y)
         ask[k, 1], ask[k + 1, 1] = at.y * c - at.x * s, -1.0
         ask[:, 1] *= side
+        return np.asarray(ask.T @ factor.solve(ask))
+
+    def drift(self, scan: int) -> Array:
+        """How unsure the last pose is, seen from this scan: x, y [m], heading [rad], map frame, shape (3, 3)."""
+        if self._solved is None:
+            return np.zeros((3, 3))
+        factor, then, _ = self._solved
+        last = len(then.poses) - 1
+        away = then.poses[last] - then.poses[scan]
+        ask = np.zeros((then.size, 3))
+        ask[3 * last + np.arange(3), np.arange(3)] = 1.0
+        ask[3 * scan + np.arange(3), np.arange(3)] -= 1.0
+        ask[3 * scan + 2, 0] += away[1]
+        ask[3 * scan + 2, 1] -= away[0]
         return np.asarray(ask.T @ factor.solve(ask))
 
     def spread(self, numbers: NDArray[np.intp], at: Array) -> Array:

@@ -263,6 +263,60 @@ def test_a_planted_false_merge_does_not_fold_the_map():
     assert (off_by(out, poses) < (0.03, 0.03, 0.02)).all()
 
 
+def test_two_numbers_of_one_column_become_one_and_say_together_what_one_would():
+    poses, motions = loop()
+    found = []
+    for split in (False, True):
+        out = smoother(poses, motions, np.random.default_rng(0))
+        for i, p in enumerate(poses):
+            for s in pillars_seen(i, p):
+                number = s.what + 50 * (split and i > len(poses) // 2)
+                out.add_point(replace(s, what=number, range_m=s.range_m - 0.1, radius_m=0.08))
+        for number in range(10, 14) if split else ():
+            out.merge_points(number, number + 50)
+        for _ in range(5):
+            out.solve()
+        numbers, places = out.points()
+        assert sorted(numbers.tolist()) == [10, 11, 12, 13] and len(out.radii) == 4
+        found.append((out.poses, places[np.argsort(numbers)]))
+    np.testing.assert_allclose(found[0][0], found[1][0], atol=1e-6)
+    np.testing.assert_allclose(found[0][1], found[1][1], atol=1e-6)
+    np.testing.assert_allclose(found[1][1], PILLARS, atol=2e-3)
+
+
+def test_a_planted_false_merge_of_points_does_not_fold_the_map():
+    poses, motions = loop()
+    out = smoother(poses, motions, np.random.default_rng(0))
+    for i, p in enumerate(poses):
+        for s in pillars_seen(i, p):
+            out.add_point(s)
+    out.solve()
+    out.merge_points(10, 12)  # more than a metre apart
+    for _ in range(3):
+        out.solve()
+    assert (off_by(out, poses) < (0.03, 0.03, 0.02)).all()
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_the_drift_since_a_scan_is_that_of_what_many_noisy_drives_say(seed):
+    rng, (poses, motions) = np.random.default_rng(seed), loop(rounds=1)
+    true, off = poses[2].inverse() @ poses[-1], []
+    for _ in range(150):
+        out = Smoother(START, SmoothingConfig(turn_rad=1e-4), (1e-5, 1e-5))
+        for i, p in enumerate(poses):
+            out.add_scan(p, noisy(motions[i - 1], rng) if i else None)
+        for _ in range(2):
+            out.solve()
+        there, last = (Pose(*map(float, out.poses[k])) for k in (2, -1))
+        way = there.inverse() @ last
+        off.append((way.x - true.x, way.y - true.y, wrap_angle(way.heading - true.heading)))
+    c, s = math.cos(poses[2].heading), math.sin(poses[2].heading)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    found = np.sqrt(np.diag(turn @ np.cov(np.transpose(off)) @ turn.T))
+    assert np.sqrt(np.diag(out.drift(2))) == pytest.approx(found, rel=0.3)
+    assert np.abs(out.drift(len(poses) - 1)).max() < 1e-12
+
+
 def test_a_true_merge_puts_two_chains_on_one_line_and_moves_nothing():
     poses, motions = loop()
     out = smoother(poses, motions, np.random.default_rng(0), chain_of=lambda i, w: w + 4 * (i > 9))
