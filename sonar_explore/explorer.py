@@ -115,6 +115,7 @@ class Explorer:
 
     def observe(self, scan: Scan) -> ScanUpdate:
         """Take a scan from the robot or from a log: correct the pose, draw the map."""
+        self._surroundings.add_passed(self._driver.walls_passed())
         update = self._slam.update(scan)
         self._driver.forget()
         self._surroundings.add_scan(scan, update.features)
@@ -167,7 +168,8 @@ class Explorer:
             if end is DriveEnd.BUMPED:  # nobody knows where the body touched: look before going on
                 break
         here = self.pose()
-        self._offers.learn(candidate, end, here)
+        driven = np.array([(pose.x, pose.y) for pose in [*self._leg_trail, here]])
+        self._offers.learn(candidate, end, here, path_length(driven))
         return Trip(end, np.array([[here.x, here.y]]) if first is None else first, (*self._leg_trail, here))
 
     def _way(self, pose: Pose, candidate: Candidate) -> Array | None:

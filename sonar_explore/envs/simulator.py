@@ -151,15 +151,16 @@ class Simulator:
             self.time_s += robot.ping_interval_s
         return odometry, rings
 
-    def drive_straight(self, bit: StraightBit) -> Sequence[Pose]:
+    def drive_straight(self, bit: StraightBit) -> tuple[Sequence[Pose], Array]:
         """Ticks on a straight bit of way until something is to be decided, with the draws of single ones:
-        `pose_robot_in_odometry` after each. Belief and echoes go on with them."""
+        `pose_robot_in_odometry` and `ring_m`, shape (n, 8), after each. Belief and echoes go on with them."""
         robot, generator = self.config.robot, self._rng.bit_generator
         before = generator.state
         draws = np.array([_draws_of_a_tick(self._rng) for _ in range(bit.most_ticks)])
         echoes = bit.echoes.as_kernels_take_it(bit.most_ticks)
         progress = np.array([bit.since_glance_m, self.time_s, self.driven_m])
         true, odometry = np.empty((2, bit.most_ticks, 3))
+        rings = np.empty((bit.most_ticks, len(self.ring_m)))
         sonar = self.config.sonar
         ticks, held = straight(
             self._state,
@@ -183,6 +184,7 @@ class Simulator:
             progress,
             true,
             odometry,
+            rings,
         )
         if ticks < bit.most_ticks:  # what was drawn too much is drawn again
             generator.state = before
@@ -200,7 +202,7 @@ class Simulator:
             self.contacts += touching and not (ticks == 1 and self.bumper)
             self.bumper, self.ring_m, self.pose_robot_in_odometry = touching, ring, poses[-1]
         self._next_disc = (self._next_disc + ticks) % len(self._mounts)
-        return poses
+        return poses, rings[:ticks]
 
     def scan(self, direction: int) -> Scan:
         """Turn once on the spot. The odometry error acts during the turn: the scan is smeared."""

@@ -32,6 +32,7 @@ def straight(  # type: ignore[no-untyped-def]
     progress,
     trues,
     odometries,
+    rings,
 ):
     """How many ticks were driven, and how many echoes are held then.
 
@@ -47,6 +48,7 @@ def straight(  # type: ignore[no-untyped-def]
         ring: latest echo of each disc, shape (8,), [m], moved on.
         progress: metres since a glance, time [s], metres driven, moved on.
         trues, odometries: poses after each tick, shape (ticks, 3), filled.
+        rings: the ring after each tick, shape (ticks, 8), [m], filled.
     """
     speed_max, turn_rate_max, dt, radius = body
     curvature, turn_scale, distance_sigma, turn_variance, drift_variance = wheels
@@ -91,6 +93,8 @@ def straight(  # type: ignore[no-untyped-def]
         carried(before, state[ODOMETRY], belief, spread)
         for k in range(3):
             pose[0, k], trues[ticks, k], odometries[ticks, k] = belief[k], state[TRUE, k], state[ODOMETRY, k]
+        for k in range(len(ring)):
+            rings[ticks, k] = ring[k]
         count = note_echoes(pieces, count, pose, ring.reshape(1, len(ring)), last, mounts, silence, points)
         progress[0] += speed * dt
         progress[1] += dt

@@ -138,6 +138,8 @@ class Look:
     """The same walls as taken to go on straight, shape (n, 4), [m]."""
     points: Array
     """Corners and edges x y, shape (k, 2), [m]."""
+    passed: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    """Pieces of wall that the ring passed on the drive that followed, shape (m, 4), [m]."""
 
     @cached_property
     def reach_m(self) -> float:
@@ -150,17 +152,19 @@ class _Placed:
     """A look in the map frame."""
 
     pose: Pose
+    look: Look
     walls: Array
     continuations: Array
     points: Array
+    passed: Array
 
     @classmethod
     def at(cls, pose: Pose, look: Look) -> _Placed:
-        walls, continuations = (
+        walls, continuations, passed = (
             pose.transform(segments.reshape(-1, 2)).reshape(-1, 4)
-            for segments in (look.walls, look.continuations)
+            for segments in (look.walls, look.continuations, look.passed)
         )
-        return cls(pose, walls, continuations, pose.transform(look.points))
+        return cls(pose, look, walls, continuations, pose.transform(look.points), passed)
 
 
 def look_of(scan: Scan, features: Sequence[Feature], config: MappingConfig) -> Look:
@@ -292,11 +296,14 @@ class OccupancyMapper:
         obstacles = trimmed(obstacles, points, cfg.trim_m)
         mark_segments(frame, wall_evidence, obstacles, cfg.wall_weight)
         walls = np.vstack([walls, obstacles])
+        passed = np.concatenate([placed.passed for placed in self._placed])
         gaps: Array = np.zeros((0, 4))
-        if not doubtful:
+        if doubtful:
+            mark_segments(frame, wall_evidence, passed, cfg.wall_weight)
+        else:
             _add_cells(frame, wall_evidence, points, cfg.point_weight)
             gaps = bridges(np.vstack([walls, np.hstack([feet, feet])]), 2.0 * self._body)
-        barriers = np.vstack([walls, gaps])
+        barriers = np.vstack([walls, gaps, passed])
         drawn.sectors.resize(frame)
         last_trail = max(0, len(drawn.poses) - 1)  # the one that may have grown since
         moved, again = self._to_cut(drawn, poses, looks, scan, pivots, barriers)
@@ -312,11 +319,12 @@ class OccupancyMapper:
 
     def _place(self, poses: Sequence[Pose], looks: Sequence[Look]) -> None:
         """Place what scans say that are new or stand elsewhere now."""
-        known = len(self._placed)
         for i, (pose, look) in enumerate(zip(poses, looks, strict=True)):
-            drawn = self._placed[i].pose if i < known else None
-            if drawn is pose or (drawn is not None and self._is_still(drawn, pose)):
-                continue
+            known = self._placed[i] if i < len(self._placed) else None
+            if known is not None and (known.pose is pose or self._is_still(known.pose, pose)):
+                if known.look is look:
+                    continue
+                pose = known.pose
             self._placed[i : i + 1] = [_Placed.at(pose, look)]
 
     def _is_still(self, drawn: Pose, pose: Pose) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.geometry import Array, Pose, wrap_angle
 from sonar_explore.planning.echoes import EchoMemory
+from sonar_explore.planning.passing import Passing
 from sonar_explore.planning.straight import StraightBit
 from sonar_explore.robot import Robot
 
@@ -94,6 +95,7 @@ class Driver:
             *(body.turn_rate_max_rad_s, body.ping_interval_s),
         )
         self._echoes = EchoMemory(body, points)
+        self._passing = Passing(body)
         self._ticks = 0
         self._listened = False
 
@@ -110,7 +112,12 @@ class Driver:
     def forget(self) -> None:
         """A scan was taken: what the ring heard before is on the map now, or was nothing."""
         self._echoes.forget()
+        self._passing.forget()
         self._listened = False
+
+    def walls_passed(self) -> Array:
+        """Pieces of wall that the ring was sure of since the last scan, shape (n, 4), map frame, [m]."""
+        return self._passing.walls()
 
     def _to(self, x: float, y: float) -> DriveReport | None:
         """One straight bit; None once there."""
@@ -163,12 +170,14 @@ class Driver:
             echoes=self._echoes,
             most_ticks=min(ticks, cfg.most_ticks - self._ticks),
         )
-        odometry: Sequence[Pose] = drive_straight(bit)
+        odometry, rings = drive_straight(bit)
         if not odometry:
             return False
         self._ticks += len(odometry)
         self._since_glance = bit.since_glance_m
-        self._here = self._poses(odometry)[-1]
+        poses = self._poses(odometry)
+        self._here = poses[-1]
+        self._passing.note(poses, rings)
         return True
 
     def _glance(self) -> None:
@@ -195,14 +204,17 @@ class Driver:
         self._ticks += len(rates_rad_s)
         odometry, rings = self._robot.turn(np.array(rates_rad_s))
         poses = self._poses(odometry)
-        self._echoes.note(poses, rings)
-        self._here = poses[-1]
+        self._note(poses, rings)
 
     def _tick(self, speed_m_s: float, turn_rate_rad_s: float) -> None:
         self._ticks += 1
         self._robot.tick(speed_m_s, turn_rate_rad_s)
-        self._here = self._pose()
-        self._echoes.note((self._here,), self._robot.ring_m[None])
+        self._note((self._pose(),), self._robot.ring_m[None])
+
+    def _note(self, poses: Sequence[Pose], rings_m: Array) -> None:
+        self._here = poses[-1]
+        self._echoes.note(poses, rings_m)
+        self._passing.note(poses, rings_m)
 
     def _turn_rate(self, error_rad: float) -> float:
         rate = error_rad / self._body.ping_interval_s

@@ -26,6 +26,8 @@ DOUBT_AREA_ENOUGH_M2 = 1.5  # more makes no way worth it: outside the walls ther
 DOUBTED_M = 0.75  # places nearer to one that was tried so are not tried again
 SECOND_CHANCE_AFTER_M2 = 4.0  # of free space found since the last one
 LOOP_TRIPS = 12  # drives to close loops
+LOOP_GOAL_M = 0.3  # nearer to where two of them went, none is sent any more
+FAR_SHARE = 0.05  # of the way driven may be spent on daring and doubts farther off: they seldom find anything
 SAME_PLACE_M = 0.05  # nearer to a place put aside is that place: elsewhere the robot has stood
 
 
@@ -50,6 +52,11 @@ class Offers:
         """Places that the robot looked from by a doubted map, anchored."""
         self._free_m2_at_chance = -math.inf
         self._loop_trips = LOOP_TRIPS
+        self._closing = False
+        self._loop_goals: list[Anchored] = []
+        """Where those drives ended, or should have, anchored."""
+        self._far_m = 0.0
+        """What may be spent on daring and doubts farther off than `NEAR_M`, [m]."""
         self.goal: tuple[float, float] | None = None
         """Where the last drive was going when it stopped for a scan, map frame, [m]; None where it was not."""
         self.gave_up = False
@@ -57,10 +64,15 @@ class Offers:
 
     def now(self, pose: Pose) -> tuple[Candidate, ...]:
         """What to choose from at this pose; leaves the surroundings as they were taken for it."""
+        self._closing = False
         candidates: tuple[Candidate, ...] = ()
-        for within_m in (NEAR_M, math.inf):
-            for offer in (self._safe, self._dared, self._doubted_walls):
-                candidates = candidates or offer(pose, within_m)
+        for offer in (self._safe, self._dared, self._doubted_walls):
+            candidates = candidates or offer(pose, NEAR_M)
+        candidates = candidates or self._safe(pose, math.inf)
+        if not candidates:
+            far_m = max(NEAR_M, self._far_m)
+            candidates = self._dared(pose, math.inf if self._is_hemmed_in(pose) else far_m)
+            candidates = candidates or self._doubted_walls(pose, far_m)
         candidates = candidates or self._second_chance(pose)
         if not candidates:
             self.gave_up = self._is_kept_from_something(pose)
@@ -72,11 +84,15 @@ class Offers:
         for chain in candidate.missing_links:
             self._tried[chain] = self._tried.get(chain, 0) + 1
 
-    def learn(self, candidate: Candidate, end: DriveEnd, here: Pose) -> None:
-        """How the way there went, and where the robot stands now."""
+    def learn(self, candidate: Candidate, end: DriveEnd, here: Pose, driven_m: float) -> None:
+        """How the way there went, where the robot stands now, and how far it drove, [m]."""
+        far = self._surroundings.daring and candidate.path_length_m > NEAR_M
+        self._far_m += -driven_m if far else FAR_SHARE * driven_m
         place = candidate.x, candidate.y
         if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED):
             self._put_aside.append(self._surroundings.anchored(*place))
+        if self._closing and end is not DriveEnd.UNDERWAY:
+            self._loop_goals.append(self._surroundings.anchored(*place))
         self.goal = place if end is DriveEnd.UNDERWAY else None
         if self._surroundings.doubtful and end is not DriveEnd.UNDERWAY:
             self._doubts -= 1
@@ -106,6 +122,12 @@ class Offers:
         """Places so near, by ways nearer to the unknown and into gaps that the map draws too narrow."""
         self._surroundings.daring = True
         return tuple(c for c in self._candidates(pose, self._put_aside) if c.path_length_m <= within_m)
+
+    def _is_hemmed_in(self, pose: Pose) -> bool:
+        """Whether most of the places with room cannot be got to without daring."""
+        self._surroundings.daring = False
+        paths = self._surroundings.paths(pose)
+        return bool(2 * paths.within.sum() < (paths.room_m >= paths.least_room_m).sum())
 
     def _doubted_walls(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
         """Places so near where much is to be seen if only what is sure of the walls is there.
@@ -165,11 +187,12 @@ class Offers:
         paths, apart_m = here.paths(pose), self._config.candidates.apart_m
         offers: list[tuple[bool, Candidate]] = []
         trail, scans = here.way_so_far()
-        put_aside = here.placed(self._put_aside)
+        put_aside, been_sent = here.placed(self._put_aside), here.placed(self._loop_goals)
         for loop in open_loops(trail, scans, here.grid):
             for x, y in loop.goals.tolist():
                 path = paths.to(x, y)
                 aside = any(math.hypot(x - a, y - b) <= SAME_PLACE_M for a, b in put_aside)
+                aside |= sum(math.hypot(x - a, y - b) <= LOOP_GOAL_M for a, b in been_sent) > 1
                 if path is None or aside or math.hypot(x - pose.x, y - pose.y) <= apart_m:
                     continue
                 offers.append((not loop.closed_by(path), _scan_at(x, y, path)))
@@ -178,6 +201,7 @@ class Offers:
         if not offers:
             return ()
         self._loop_trips -= 1
+        self._closing = True
         return (min(offers, key=lambda offer: (offer[0], offer[1].path_length_m))[1],)
 
     def _home(self, pose: Pose, trail: Array, scans: NDArray[np.intp]) -> tuple[Candidate, ...]:

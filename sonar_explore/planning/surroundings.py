@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,6 +89,13 @@ class Surroundings:
         """The body is here: there is room for it. On the map from the next change on."""
         in_scan = self._slam.scans[-1].pose.inverse() @ here
         self._trails[-1] = np.vstack([self._trails[-1], (in_scan.x, in_scan.y)])
+
+    def add_passed(self, walls: Array) -> None:
+        """Pieces of wall that the ring was sure of since the last scan, shape (n, 4), map frame, [m]; on the map from
+        the next change on."""
+        if len(walls):
+            in_scan = self._slam.scans[-1].pose.inverse().transform(walls.reshape(-1, 2)).reshape(-1, 4)
+            self._looks[-1] = replace(self._looks[-1], passed=in_scan)
 
     def add_obstacle(self, here: Pose, obstacle: Array) -> None:
         """A piece of wall shut the way; shape (n, 2), in the frame of the robot, which is here, [m]."""

@@ -81,10 +81,13 @@ class _Overheard:
         self._robot.tick(speed_m_s, turn_rate_rad_s)
 
     @property
-    def drive_straight(self) -> Callable[[StraightBit], Sequence[Pose]] | None:
+    def drive_straight(self) -> Callable[[StraightBit], tuple[Sequence[Pose], Array]] | None:
         """Drive a straight bit, where the robot can; the pose after each tick is noted down."""
         drive = getattr(self._robot, "drive_straight", None)
-        return None if drive is None else lambda bit: self._noted(drive(bit))
+        return None if drive is None else lambda bit: self._straight_noted(*drive(bit))
+
+    def _straight_noted(self, odometry: Sequence[Pose], rings_m: Array) -> tuple[Sequence[Pose], Array]:
+        return self._noted(odometry), rings_m
 
     def turn(self, turn_rates_rad_s: Array) -> tuple[Sequence[Pose], Array]:
         """Turn on the spot tick by tick at these rates [rad/s]; the pose after each is noted down."""

@@ -177,9 +177,7 @@ def test_configurations_are_values():
     assert SHORT.with_noise("worn").simulator.noise.wheel_ratio == 1.01
 
 
-@pytest.mark.parametrize(
-    "seed", [80, 98]
-)  # open without the drive home; with a goal near one put aside left out
+@pytest.mark.parametrize("seed", [60, 94])  # open without the drives that close loops
 def test_the_robot_goes_on_round_a_loop_until_it_meets_the_walls_of_its_first_scan(seed):
     summary = run_episode("paper/loop", seed=seed).summary
     assert summary.loop_closed and summary.end_reason == "explored"

@@ -249,6 +249,18 @@ def test_a_door_under_a_wall_drawn_too_long_is_shut_until_the_map_is_doubted():
     np.testing.assert_array_equal(again.states, believed.states)
 
 
+def test_a_wall_that_was_passed_lets_no_scan_clear_what_is_behind_and_stands_where_the_map_is_doubted():
+    maps, poses = mapper(), [Pose(0.0, 0.0, 0.0)]
+    passed = replace(nothing_seen(1.5), passed=np.array([[1.0, -0.3, 1.0, 0.3]]))
+    believed = maps.draw(poses, [nothing_seen(1.5)], nowhere(1), NONE)
+    assert state(believed, 1.3, 0.0) == FREE
+    believed = maps.draw(poses, [passed], nowhere(1), NONE)
+    doubted = maps.draw(poses, [passed], nowhere(1), NONE, doubtful=True)
+    assert state(believed, 1.3, 0.0) == state(doubted, 1.3, 0.0) == UNKNOWN
+    assert state(believed, 0.8, 0.0) == state(believed, 1.0, 0.8) == FREE
+    assert state(believed, 1.0, 0.0) != OCCUPIED and state(doubted, 1.0, 0.0) == OCCUPIED
+
+
 def test_where_the_body_has_been_moves_with_the_scan_it_was_believed_after():
     m, wall = mapper(), np.array([[0.5, -0.6, 0.5, 0.6]])
     driven = np.column_stack([np.arange(0.0, 1.0, 0.05), np.zeros(20)])

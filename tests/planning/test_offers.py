@@ -11,18 +11,22 @@ from sonar_explore.config import ExplorationConfig
 from sonar_explore.geometry import Pose
 from sonar_explore.planning.candidates import Candidate
 from sonar_explore.planning.driving import DriveEnd
-from sonar_explore.planning.offers import DOUBTS, DOUBTS_AGAIN_AFTER_M2, Offers
+from sonar_explore.planning.offers import DOUBTS, DOUBTS_AGAIN_AFTER_M2, FAR_SHARE, NEAR_M, Offers
 
 HERE = Pose(0.0, 0.0, 0.0)
 AWAY = Pose(5.0, 0.0, 0.0)
 
 
-def place(x, y):
-    return Candidate(x, y, 1.0, 2.0, (), 0.0, ())
+def place(x, y, way_m=1.0):
+    return Candidate(x, y, way_m, 2.0, (), 0.0, ())
 
 
 class Land:
     """Surroundings where all that is left is behind walls that may be doubted, and a finder of it."""
+
+    dared = False
+    """Whether daring is enough to get there."""
+    shut_in = False
 
     def __init__(self, *places):
         self.places, self.version, self.doubtful, self.daring, self.free_m2 = places, 0, False, False, 50.0
@@ -39,7 +43,7 @@ class Land:
         return [(at.x + self.correction_m, at.y) for _, at in anchored]
 
     def paths(self, pose):
-        return None
+        return SimpleNamespace(within=np.array([not self.shut_in]), room_m=np.ones(1), least_room_m=0.2)
 
     def swap_obstacles(self, obstacles):
         self.version += 1
@@ -49,7 +53,8 @@ class Land:
         return tuple(
             c
             for c in self.places
-            if self.doubtful and not (np.hypot(*(put_aside - (c.x, c.y)).T) < 0.3).any()
+            if (self.doubtful or (self.dared and self.daring))
+            and not (np.hypot(*(put_aside - (c.x, c.y)).T) < 0.3).any()
         )
 
 
@@ -59,11 +64,11 @@ def offers_in(land):
     return Offers(land, SimpleNamespace(chains=SimpleNamespace(chains=())), land, config)
 
 
-def try_one(offers, land, end, here):
+def try_one(offers, land, end, here, driven_m=1.0):
     found = offers.now(HERE)
     if found:
         land.version += 1
-        offers.learn(found[0], end, here)
+        offers.learn(found[0], end, here, driven_m)
         land.believe(doubtful=False)
     return found
 
@@ -80,6 +85,23 @@ def test_a_way_that_was_shut_far_from_a_doubtful_place_says_nothing_of_what_is_t
     offers = offers_in(land)
     assert try_one(offers, land, DriveEnd.BLOCKED, AWAY)
     assert offers.now(HERE) == (place(0.9, 0.0),)
+
+
+@pytest.mark.parametrize("dared", [False, True])
+def test_what_is_far_and_doubtful_is_tried_once_that_is_a_small_share_of_the_way_driven(dared):
+    land = Land(place(9.0, 0.0, NEAR_M + 1.0))
+    land.dared = dared
+    offers = offers_in(land)
+    assert offers.now(HERE) == ()
+    offers.learn(place(5.0, 0.0), DriveEnd.ARRIVED, AWAY, (NEAR_M + 1.1) / FAR_SHARE)
+    assert try_one(offers, land, DriveEnd.UNDERWAY, AWAY, driven_m=1.5) == land.places
+    assert offers.now(HERE) == ()  # what it cost is spent
+
+
+def test_a_robot_that_is_shut_in_dares_any_way_out():
+    land = Land(place(9.0, 0.0, 20.0))
+    land.dared = land.shut_in = True
+    assert offers_in(land).now(HERE) == land.places
 
 
 @pytest.mark.parametrize(

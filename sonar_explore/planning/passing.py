@@ -1,0 +1,100 @@
+"""Walls that the robot passes between two scans: from along a plane, one disc after another hears it.
+
+A scan is sure of a wall only about the foot of its normal. What lies between two feet, or beside a wall that no scan
+stood square to, stays open on the map; rays slip through and clear what is outside. The ring hears the rest of the
+wall on the way. An edge answers from one place: the echoes of a few pings in line are a wall, those of two are none.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
+from sonar_explore.amigobot import AmigoBot
+from sonar_explore.geometry import Array, Pose, wrap_angle
+
+NEAREST_M = 0.15  # the dead zone
+FARTHEST_M = 1.2  # beyond, the echoes of an edge spread as far as those of a wall
+LINE_M = 0.03  # feet this near to one line,
+TURN_RAD = math.radians(12.0)  # under axes this alike, are of one wall
+BESIDE_M = (0.15, 0.40)  # of an echo inside a wall, another lies so far to either side
+JOINED_M = 0.25  # feet this near along the wall leave no gap
+HALF_LENGTH_M = 0.10  # of the piece of wall that an echo is sure of
+
+
+class Passing:
+    """What the ring has heard since the last scan."""
+
+    def __init__(self, body: AmigoBot) -> None:
+        self._mounts = np.array([(disc.x, disc.y, disc.heading) for disc in body.sonars])
+        self._poses: list[Pose] = []
+        self._rings: list[Array] = [np.full(len(body.sonars), body.range_max_m)]
+
+    def note(self, poses_robot_in_map: Sequence[Pose], rings_m: Array) -> None:
+        """The robot was here at some ticks, in order; latest echo of each disc, shape (ticks, discs), [m]."""
+        self._poses.extend(poses_robot_in_map)
+        self._rings.extend(rings_m)
+
+    def forget(self) -> None:
+        """A scan was taken."""
+        del self._poses[:], self._rings[:-1]
+
+    def walls(self) -> Array:
+        """Pieces of wall that it was sure of on the way, shape (n, 4), map frame, [m]."""
+        if not self._poses:
+            return np.zeros((0, 4))
+        rings = np.array(self._rings)
+        tick, disc = np.nonzero(rings[1:] != rings[:-1])
+        heard = rings[1:][tick, disc]
+        near = (heard >= NEAREST_M) & (heard <= FARTHEST_M)
+        tick, disc, heard = tick[near], disc[near], heard[near]
+        x, y, heading = np.array([(p.x, p.y, p.heading) for p in self._poses])[tick].T
+        mount_x, mount_y, axis = self._mounts[disc].T
+        c, s, axis = np.cos(heading), np.sin(heading), heading + axis
+        discs = np.column_stack([x + c * mount_x - s * mount_y, y + s * mount_x + c * mount_y])
+        return walls_along(discs + heard[:, None] * _along(axis), axis)
+
+
+def walls_along(feet: Array, axes_rad: Array) -> Array:
+    """Pieces of wall that echoes in line stand for, shape (k, 4), [m].
+
+    Args:
+        feet: x y of the echoes if they came from on the axis, shape (n, 2), [m].
+        axes_rad: from the disc to them, shape (n,), [rad].
+    """
+    normals = _along(axes_rad)
+    off = feet[None] - feet[:, None]
+    across = (off * normals[:, None]).sum(axis=2)
+    along = off[..., 1] * normals[:, None, 0] - off[..., 0] * normals[:, None, 1]
+    turned = wrap_angle(axes_rad[None] - axes_rad[:, None])
+    in_line = (np.abs(across) <= LINE_M) & (np.abs(turned) <= TURN_RAD)
+    least, most = BESIDE_M
+    one_side, other_side = (
+        (in_line & (side >= least) & (side <= most)).any(axis=1) for side in (along, -along)
+    )
+    sure = np.flatnonzero(one_side & other_side)
+    joined = (in_line & (np.abs(along) <= JOINED_M))[np.ix_(sure, sure)]
+    count, wall = connected_components(joined, directed=False)
+    pieces = [_piece(feet[sure[wall == k]], axes_rad[sure[wall == k]]) for k in range(count)]
+    return np.vstack([np.zeros((0, 4)), *pieces])
+
+
+def _piece(feet: Array, axes_rad: Array) -> Array:
+    """One piece of wall through all feet, or where they are not in line a short one through each, shape (k, 4)."""
+    normal = _along(axes_rad).mean(axis=0)
+    normal /= math.hypot(*normal)
+    across = feet @ normal
+    if np.ptp(across) > 2.0 * LINE_M:
+        tangents = HALF_LENGTH_M * _along(axes_rad + 0.5 * math.pi)
+        return np.hstack([feet - tangents, feet + tangents])
+    tangent = np.array([-normal[1], normal[0]])
+    along = feet @ tangent
+    ends = np.array([[along.min() - HALF_LENGTH_M], [along.max() + HALF_LENGTH_M]])
+    return (across.mean() * normal + ends * tangent).reshape(1, 4)
+
+
+def _along(angles_rad: Array) -> Array:
+    return np.column_stack([np.cos(angles_rad), np.sin(angles_rad)])

@@ -1,0 +1,95 @@
+# mypy: disallow-untyped-defs=False, check-untyped-defs=True
+"""Walls that the ring is sure of on the way: true ones alone, and no door is shut by them."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sonar_explore.envs.odometry import noise_preset
+from sonar_explore.envs.simulator import Simulator, SimulatorConfig
+from sonar_explore.envs.world import World
+from sonar_explore.geometry import Pose
+from sonar_explore.planning.driving import Driver, DrivingConfig
+from sonar_explore.planning.passing import HALF_LENGTH_M, walls_along
+
+CONFIG = SimulatorConfig(noise=noise_preset("ideal"))
+UP = 0.5 * math.pi
+
+
+def driven_along(walls, way):
+    rows = np.array(walls, dtype=float)
+    world = World(
+        "field",
+        "A field",
+        rows,
+        np.zeros(len(rows)),
+        np.zeros((0, 3)),
+        Pose(way[0][0], way[0][1], 0.0),
+        False,
+    )
+    robot = Simulator(world, CONFIG, np.random.default_rng(0))
+    driver = Driver(robot, CONFIG.robot, lambda: robot.true_pose, lambda: np.zeros((0, 2)), DrivingConfig())
+    driver.follow(np.array(way))
+    return driver
+
+
+@pytest.mark.parametrize("beside_m", [0.4, 0.7, 1.0])
+def test_most_of_a_wall_is_sure_once_the_robot_has_driven_along_it(beside_m):
+    driver = driven_along([[-1, beside_m, 4, beside_m]], [(0.0, 0.0), (3.0, 0.0)])
+    pieces = driver.walls_passed()
+    assert np.abs(pieces[:, [1, 3]] - beside_m).max() < 0.05
+    low, high = pieces[:, [0, 2]].min(axis=1), pieces[:, [0, 2]].max(axis=1)
+    known = np.arange(0.3, 2.7, 0.05)
+    covered = ((known[:, None] >= low) & (known[:, None] <= high)).any(axis=1)
+    assert covered.mean() > 0.9
+
+
+@pytest.mark.parametrize("beside_m", [0.6, 0.8, 1.0])
+def test_a_door_that_the_robot_drives_past_stays_wide_enough_for_it(beside_m):
+    wall, door = 0.1, (1.1, 1.9)
+    walls = [
+        [-1, beside_m, door[0], beside_m],
+        [door[1], beside_m, 4, beside_m],
+        [door[0], beside_m, door[0], beside_m + wall],
+        [door[1], beside_m, door[1], beside_m + wall],
+    ]
+    pieces = driven_along(walls, [(0.0, 0.0), (3.0, 0.0)]).walls_passed()
+    assert len(pieces)
+    along = np.sort(pieces[:, [0, 2]], axis=1)
+    left, right = along[along[:, 0] < 1.5], along[along[:, 1] > 1.5]
+    assert left[:, 1].max() <= 1.5 - CONFIG.robot.radius_m
+    assert right[:, 0].min() >= 1.5 + CONFIG.robot.radius_m
+
+
+@settings(max_examples=60)
+@given(st.floats(-math.pi, math.pi), st.floats(0.2, 1.2), st.floats(0.0, 0.02))
+def test_an_edge_is_no_wall_however_often_it_answers(axis, range_m, noise_m):
+    rng = np.random.default_rng(0)
+    seen_under = axis + np.radians(np.linspace(-7.0, 7.0, 8))  # the robot passes, the disc looks the same way
+    discs = -range_m * np.column_stack([np.cos(seen_under), np.sin(seen_under)])
+    heard = range_m + rng.uniform(-noise_m, noise_m, 8)
+    feet = discs + heard[:, None] * [math.cos(axis), math.sin(axis)]
+    assert len(walls_along(feet, np.full(8, axis))) == 0
+
+
+@settings(max_examples=60)
+@given(st.floats(-math.pi, math.pi), st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
+def test_a_piece_of_wall_turns_and_moves_with_its_echoes(turn, x, y):
+    feet = np.column_stack([np.linspace(0.0, 1.0, 11), np.full(11, 0.8)])
+    (piece,) = walls_along(feet, np.full(11, UP))
+    # the outermost echoes may be of its ends: those within are sure
+    np.testing.assert_allclose(np.sort(piece[[0, 2]]), [0.2 - HALF_LENGTH_M, 0.8 + HALF_LENGTH_M], atol=1e-9)
+    np.testing.assert_allclose(piece[[1, 3]], 0.8)
+    pose = Pose(x, y, turn)
+    (moved,) = walls_along(pose.transform(feet), np.full(11, UP + turn))
+    np.testing.assert_allclose(moved.reshape(2, 2), pose.transform(piece.reshape(2, 2)), atol=1e-6)
+
+
+def test_what_was_passed_is_forgotten_once_a_scan_was_taken():
+    driver = driven_along([[-1, 0.6, 4, 0.6]], [(0.0, 0.0), (2.0, 0.0)])
+    assert len(driver.walls_passed())
+    driver.forget()
+    assert driver.walls_passed().shape == (0, 4)
