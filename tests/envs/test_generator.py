@@ -81,6 +81,12 @@ def test_the_same_name_is_the_same_world_in_another_process_too() -> None:
     assert one.walls.tobytes() != generate("office", 18).walls.tobytes()
 
 
+def test_a_world_whose_edges_nearly_meet_is_made_like_any_other() -> None:
+    world = load_world("generated/home-100?difficulty=1")
+    room = room_for(world.walls, world.cylinders)
+    assert room.reachable(world.start.x, world.start.y, 0.18).any()
+
+
 def test_global_random_state_is_left_alone() -> None:
     np.random.seed(3)  # noqa: NPY002
     before = np.random.get_state()[1].tolist()  # type: ignore[index] # noqa: NPY002

@@ -227,7 +227,13 @@ def _eroded(free: shapely.Geometry, radius_m: float, pieces: int) -> shapely.Geo
 def _room_for(radius_m: float, free: shapely.Polygon, columns: Array, pieces: int) -> shapely.Geometry:
     """Where the middle of a disc may be that touches no column either."""
     room = _eroded(free, radius_m, pieces)
-    return room.difference(_discs(columns + [0.0, 0.0, radius_m], pieces)) if len(columns) else room
+    if not len(columns):
+        return room
+    discs = _discs(columns + [0.0, 0.0, radius_m], pieces)
+    try:
+        return shapely.difference(room, discs)
+    except shapely.errors.GEOSException:  # edges that nearly meet; on a grid they do or they do not
+        return shapely.difference(room, discs, grid_size=_GRID_M)
 
 
 def _discs(columns: Array, pieces: int) -> shapely.Geometry:
