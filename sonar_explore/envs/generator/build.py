@@ -232,8 +232,8 @@ def _room_for(radius_m: float, free: shapely.Polygon, columns: Array, pieces: in
     discs = _discs(columns + [0.0, 0.0, radius_m], pieces)
     try:
         return shapely.difference(room, discs)
-    except shapely.errors.GEOSException:  # edges that nearly meet; on a grid they do or they do not
-        return shapely.difference(room, discs, grid_size=_GRID_M)
+    except shapely.errors.GEOSException:  # where edges nearly meet, an eroded outline can cross itself
+        return shapely.difference(shapely.make_valid(room), discs)
 
 
 def _discs(columns: Array, pieces: int) -> shapely.Geometry:
