@@ -52,6 +52,11 @@ class SonarPhysics:
         """Mirrors, what each leaves, the range and the beam, as the kernels take them."""
         return Ear.of(self.ghost_order - 1, self.bounce_loss, self.range_max_m, self.beam)
 
+    @cached_property
+    def plain_ear(self) -> tuple[float, ...]:
+        """The same without names (as `Scene.plain`)."""
+        return tuple(self.ear)
+
 
 def echoes(scene: Scene, discs: Array, physics: SonarPhysics) -> tuple[Array, NDArray[np.int64]]:
     """First echo of each ping, without noise.
@@ -66,7 +71,7 @@ def echoes(scene: Scene, discs: Array, physics: SonarPhysics) -> tuple[Array, ND
     """
     ranges = np.empty(len(discs))
     kinds = np.empty(len(discs), dtype=np.int64)
-    fire_all(discs, *scene.plain, tuple(physics.ear), ranges, kinds)
+    fire_all(discs, *scene.plain, physics.plain_ear, ranges, kinds)
     return ranges, kinds
 
 

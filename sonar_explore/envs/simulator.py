@@ -61,7 +61,7 @@ class Simulator:
         self.config = config
         sonar = config.sonar
         self._scene = Scene.of(world, sonar.range_max_m, sonar.roughness)
-        self._hearing = (*self._scene.plain, tuple(sonar.ear), np.empty(1, dtype=np.int64))
+        self._hearing = (*self._scene.plain, sonar.plain_ear, np.empty(1, dtype=np.int64))
         self._mounts = np.array([(disc.x, disc.y, disc.heading) for disc in config.robot.sonars])
         self.reset(rng)
 

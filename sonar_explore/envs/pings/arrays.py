@@ -31,9 +31,8 @@ WIDE = np.bool_(False)
 VIEWS = 256
 CELLS = 4  # of 1 m, that a box of `TOGETHER_M` may touch
 LISTS = 9  # rows of `Scratch.lists`:
-HIDDEN_BY, NEAR_CELLS, KNOWN_VIEWS, NEAR_WALLS, NEAR_WEDGES, NEAR_COLUMNS, SPARE, IN_FAN, IN_SIGHT = range(
-    LISTS
-)
+HIDDEN_BY, NEAR_CELLS, KNOWN_VIEWS, NEAR_WALLS, NEAR_WEDGES, NEAR_COLUMNS = range(6)
+SPARE, IN_FAN, IN_SIGHT = range(6, LISTS)
 ROWS = 12  # of `Scratch.rows`, each a number of what is near:
 # the first end of each wall and the vector to its second, its roughness; wedges, 1 where they are corners;
 # windows of sources; what was found.

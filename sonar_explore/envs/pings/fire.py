@@ -29,7 +29,7 @@ from sonar_explore.envs.pings.arrays import (
 )
 from sonar_explore.envs.pings.direct import nearest_source
 from sonar_explore.envs.pings.ghosts import ghost
-from sonar_explore.envs.pings.rows import fill_rows, fill_windows, find_in_sight, listed
+from sonar_explore.envs.pings.rows import fill_rows, fill_windows, sighted
 from sonar_explore.envs.pings.views import OPEN, hidden_by, view
 
 
@@ -66,9 +66,10 @@ def _fire_together(discs, start, stop, circle, n_cells, things, index, room, ear
         if not all_inside and cell_of(px, py, index.frame) < 0:
             continue
         disc = Disc(px, py, px, py, px, py, math.cos(heading), math.sin(heading))
-        find_in_sight(disc.c, disc.s, seen, rows)
-        count = listed(seen, rows, in_sight)
-        r, k = nearest_source(disc, circle, reach, things, near, room, in_sight, count, ear)
+        count = sighted(disc.c, disc.s, seen, rows, in_sight)
+        r, k = reach, NOTHING
+        if count > 0:
+            r, k = nearest_source(disc, circle, reach, things, near, room, in_sight, count, ear)
         if k == NOTHING and ear.mirrors > 0:
             cell = cell_of(px, py, index.frame)
             allowed = index.wall_items[index.wall_first[cell] : index.wall_first[cell + 1]]
@@ -86,7 +87,13 @@ def _is_inside(circle, frame):  # type: ignore[no-untyped-def]
 @inner_kernel
 def _all_near(index, lists, n_cells):  # type: ignore[no-untyped-def]
     """What is near any of the first cells of the list."""
-    cells, spare = lists[NEAR_CELLS], lists[SPARE]
+    cells, spare, c = lists[NEAR_CELLS], lists[SPARE], lists[NEAR_CELLS, 0]
+    if n_cells == 1:
+        return Near(
+            index.wall_items[index.wall_first[c] : index.wall_first[c + 1]],
+            index.wedge_items[index.wedge_first[c] : index.wedge_first[c + 1]],
+            index.cylinder_items[index.cylinder_first[c] : index.cylinder_first[c + 1]],
+        )
     walls = _near(cells, n_cells, index.wall_first, index.wall_items, lists[NEAR_WALLS], spare)
     wedges = _near(cells, n_cells, index.wedge_first, index.wedge_items, lists[NEAR_WEDGES], spare)
     columns = _near(cells, n_cells, index.cylinder_first, index.cylinder_items, lists[NEAR_COLUMNS], spare)
@@ -96,10 +103,8 @@ def _all_near(index, lists, n_cells):  # type: ignore[no-untyped-def]
 @inner_kernel
 def _near(cells, n_cells, first, items, near, spare):  # type: ignore[no-untyped-def]
     """What is near any of these cells, rising, into `near`: how many."""
-    n = first[cells[0] + 1] - first[cells[0]]
-    for k in range(n):
-        near[k] = items[first[cells[0]] + k]
-    for cell in cells[1:n_cells]:
+    n = 0
+    for cell in cells[:n_cells]:
         for k in range(n):
             spare[k] = near[k]
         i, j, had, n = 0, first[cell], n, 0

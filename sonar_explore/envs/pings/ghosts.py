@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from sonar_explore.compiled import inner_kernel
+from sonar_explore.compiled import inlined_kernel, inner_kernel
 from sonar_explore.envs.pings.arrays import (
     BX,
     BY,
@@ -16,6 +16,7 @@ from sonar_explore.envs.pings.arrays import (
     KNOWN_VIEWS,
     NONE,
     NOTHING,
+    SPARE,
     VIEWS,
     Circle,
     Disc,
@@ -50,7 +51,7 @@ def ghost(silent, heading, allowed, circle, things, near, room, ear, base, known
     right_x, right_y = side * (c * turn_c + s * turn_s), side * (s * turn_c - c * turn_s)
     find_in_fan(px, py, left_x, left_y, right_x, right_y, blur, count, rows)
     count = listed(count, rows, fan)
-    seen_1, seen_2 = NONE, NONE
+    places, seen_1, seen_2 = lists[IN_SIGHT], NONE, NONE
     for ray in range(5):
         bearing, rc, rs = heading + ear.fan * _OFFSETS_RAD[ray], c, s
         if ray > 0:
@@ -72,14 +73,18 @@ def ghost(silent, heading, allowed, circle, things, near, room, ear, base, known
                 if kind != NOTHING:
                     break
                 rc, rs = _reflected(rc, rs, walls, w1)
-                w2, _ = first_on_the_way(hx, hy, reach * rc, reach * rs, blur, near.walls, room, allowed, w1)
+                w2, _ = first_on_the_way(
+                    hx, hy, reach * rc, reach * rs, blur, near.walls, rows, lists[SPARE], allowed, w1
+                )
                 if w2 == UNSURE:
                     w2 = second_mirror(px, py, bearing, reach, walls, w1, allowed)
                 if w2 < 0:
                     break
                 h1, v1 = _reflected(h1, v1, walls, w2)
             place, known = _view_by(w1, w2, circle, things, near, room, ear, base, known)
-            in_sight = _in_sight(h1, v1, room, lists[KNOWN_VIEWS, place + 2], lists[KNOWN_VIEWS, place + 3])
+            in_sight = _in_sight(
+                h1, v1, room.source, lists[KNOWN_VIEWS, place + 2], lists[KNOWN_VIEWS, place + 3], places
+            )
             if in_sight == 0:
                 continue
             h = mirrored_heading(heading, walls, w1)
@@ -91,7 +96,7 @@ def ghost(silent, heading, allowed, circle, things, near, room, ear, base, known
                 gain = ear.loss**4
             image = Disc(px, py, q1x, q1y, qx, qy, math.cos(h), math.sin(h))
             by = Circle(circle.x, circle.y, circle.rho, gain, w1, w2)
-            r, k = nearest_source(image, by, best, things, near, room, lists[IN_SIGHT], in_sight, ear)
+            r, k = nearest_source(image, by, best, things, near, room, places, in_sight, ear)
             if k != NOTHING:
                 best, kind = r, k + mirror_count * GHOST
     return best, kind, known
@@ -105,10 +110,10 @@ def _reflected(c, s, walls, i):  # type: ignore[no-untyped-def]
     return twice * ex - c, twice * ey - s
 
 
-@inner_kernel
-def _in_sight(c, s, room, first, last):  # type: ignore[no-untyped-def]
-    """Sources of a view that a beam along (c, s), known but for rounding, may hear, into row `IN_SIGHT`: how many."""
-    places, source, count = room.lists[IN_SIGHT], room.source, 0
+@inlined_kernel
+def _in_sight(c, s, source, first, last, places):  # type: ignore[no-untyped-def]
+    """Sources of a view that a beam along (c, s), known but for rounding, may hear, into `places`: how many."""
+    count = 0
     for k in range(first, last):
         if c * source[k, BX] + s * source[k, BY] >= source[k, COS] - 1e-9:
             places[count] = k
@@ -123,7 +128,8 @@ def _view_by(w1, w2, circle, things, near, room, ear, base, known):  # type: ign
     Four numbers each: the mirrors, the first source, the end.
     """
     views = room.lists[KNOWN_VIEWS]
-    for k in range(known):
+    for j in range(known):
+        k = known - 1 - j  # the latest first: neighbouring rays ask for the same
         if views[4 * k] == w1 and views[4 * k + 1] == w2:
             return 4 * k, known
     first = views[4 * known - 1] if known > 0 else base

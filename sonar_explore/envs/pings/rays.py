@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from sonar_explore.compiled import inner_kernel
-from sonar_explore.envs.pings.arrays import AX, AY, EX, EY, NONE, SPARE
+from sonar_explore.envs.pings.arrays import AX, AY, EX, EY, NONE
 from sonar_explore.envs.pings.geometry import crossing, mirrored_heading
 from sonar_explore.envs.pings.rows import find_met, listed
 
@@ -51,16 +51,19 @@ def surely_first(px, py, dx, dy, blur, near_walls, rows, places, count):  # type
 
 
 @inner_kernel
-def first_on_the_way(px, py, dx, dy, blur, near_walls, room, allowed, skip):  # type: ignore[no-untyped-def]
-    """`surely_first` of all near walls but one, among those `allowed` (rising; all, if they are as many)."""
-    places, n, kept = room.lists[SPARE], len(near_walls), 0
-    find_met(px, py, dx, dy, blur, n, room.rows)
-    for j in range(listed(n, room.rows, places)):
+def first_on_the_way(px, py, dx, dy, blur, near_walls, rows, places, allowed, skip):  # type: ignore[no-untyped-def]
+    """`surely_first` of all near walls but one, among those `allowed` (rising; all, if they are as many).
+
+    `places` is room to work in.
+    """
+    n, kept = len(near_walls), 0
+    find_met(px, py, dx, dy, blur, n, rows)
+    for j in range(listed(n, rows, places)):
         i = near_walls[places[j]]
         if i != skip and (len(allowed) == n or _among(i, allowed)):
             places[kept] = places[j]
             kept += 1
-    return surely_first(px, py, dx, dy, blur, near_walls, room.rows, places, kept)
+    return surely_first(px, py, dx, dy, blur, near_walls, rows, places, kept)
 
 
 @inner_kernel

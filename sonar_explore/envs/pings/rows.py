@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from sonar_explore.compiled import inner_kernel
+from sonar_explore.compiled import inlined_kernel, inner_kernel
 from sonar_explore.envs.pings.arrays import (
     AX,
     AY,
@@ -98,16 +98,16 @@ def fill_windows(source, n, rows):  # type: ignore[no-untyped-def]
             source[k, BY],
             source[k, COS],
         )
-    for k in range(n, padded(n)):
-        rows[WINDOW_X, k], rows[WINDOW_Y, k], rows[WINDOW_COS, k] = 0.0, 0.0, 2.0
 
 
-@inner_kernel
-def find_in_sight(c, s, n, rows):  # type: ignore[no-untyped-def]
-    """Sources whose window holds a beam along (c, s)."""
-    x, y, cos, found = rows[WINDOW_X], rows[WINDOW_Y], rows[WINDOW_COS], rows[FOUND]
-    for k in range(padded(n)):
-        found[k] = c * x[k] + s * y[k] - cos[k]
+@inlined_kernel
+def sighted(c, s, n, rows, places):  # type: ignore[no-untyped-def]
+    """Sources whose window holds a beam along (c, s), rising, into `places`: how many."""
+    x, y, cos, count = rows[WINDOW_X], rows[WINDOW_Y], rows[WINDOW_COS], 0
+    for k in range(n):
+        places[count] = k
+        count += c * x[k] + s * y[k] >= cos[k]
+    return count
 
 
 @inner_kernel
