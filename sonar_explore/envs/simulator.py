@@ -265,10 +265,11 @@ class Simulator:
         mounts = np.repeat(self._mounts[list(discs)], n, axis=0)
         turned_discs(true_pose.x, true_pose.y, np.tile(true_headings, len(discs)), mounts, fired)
         ranges, _ = echoes(self._scene, fired, self.config.sonar)
-        return [
-            measured(heard, self._range_scale, self.config.sonar, self._rng)
-            for heard in ranges.reshape(len(discs), n)
-        ]
+        z, chance = np.empty((2, len(discs), n))
+        for disc in range(len(discs)):  # as they would be drawn disc by disc
+            self._rng.standard_normal(out=z[disc])
+            self._rng.random(out=chance[disc])
+        return list(measured_by(ranges.reshape(len(discs), n), self._range_scale, self.config.sonar, z, chance))
 
     def _measure_ring(self, true_pose: Pose, true_headings: Array, mounts: Array) -> Array:
         """Fire discs mounted like this at these headings, one each."""
