@@ -269,7 +269,9 @@ class Simulator:
         for disc in range(len(discs)):  # as they would be drawn disc by disc
             self._rng.standard_normal(out=z[disc])
             self._rng.random(out=chance[disc])
-        return list(measured_by(ranges.reshape(len(discs), n), self._range_scale, self.config.sonar, z, chance))
+        return list(
+            measured_by(ranges.reshape(len(discs), n), self._range_scale, self.config.sonar, z, chance)
+        )
 
     def _measure_ring(self, true_pose: Pose, true_headings: Array, mounts: Array) -> Array:
         """Fire discs mounted like this at these headings, one each."""
