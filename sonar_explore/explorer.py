@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -154,7 +155,7 @@ class Explorer:
         end = DriveEnd.BLOCKED
         for _ in range(MAX_REPLANS):
             pose = self.pose()
-            path = self._way(pose, candidate)
+            path = self._way(pose, candidate, again=first is not None)
             if path is None:
                 break
             first = path if first is None else first
@@ -172,9 +173,13 @@ class Explorer:
         self._offers.learn(candidate, end, here, path_length(driven))
         return Trip(end, np.array([[here.x, here.y]]) if first is None else first, (*self._leg_trail, here))
 
-    def _way(self, pose: Pose, candidate: Candidate) -> Array | None:
-        """The safest way of those that are not much longer; None where there is none."""
-        for paths, longest_m in self._surroundings.all_paths(pose, DETOUR * candidate.path_length_m):
+    def _way(self, pose: Pose, candidate: Candidate, *, again: bool = False) -> Array | None:
+        """The safest way of those that are not much longer, and of any length once one was shut; None where there is
+        none."""
+        way_m = candidate.path_length_m
+        for paths, longest_m in self._surroundings.all_paths(
+            pose, math.inf if again else way_m, DETOUR * way_m
+        ):
             path = paths.to(candidate.x, candidate.y)
             if path is not None and path_length(path) <= longest_m:
                 path = straightened(path, paths.room_m, paths.frame)

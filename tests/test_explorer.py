@@ -74,7 +74,7 @@ def test_a_place_behind_a_doubted_wall_is_driven_to_round_the_wall_unless_that_i
     _, explorer = explorer_in()
     surroundings = explorer._surroundings
     maps = {False: wall_on_the_map(length_rows), True: wall_on_the_map(0)}
-    surroundings.paths = lambda pose: maps[surroundings.doubtful]
+    surroundings.paths_as_far_as = lambda pose, way_m: maps[surroundings.doubtful]
     surroundings.doubtful = surroundings.daring = True
     candidate = Candidate(3.0, 1.0, 2.0, 2.0, (), 0.0, ())
     way = explorer._way(Pose(1.0, 1.0, 0.0), candidate)

@@ -32,13 +32,16 @@ def cheapest_costs(cost: Array, start: tuple[int, int]) -> Array:
     return out
 
 
-def spread_costs(cost: Array, start: tuple[int, int], window: Window, most: float, out: Array) -> Window:
-    """The same into a window of `out`, as far as ways cost no more; the window within that which they reach.
+def spread_costs(
+    cost: Array, start: tuple[int, int], window: Window, most: float, out: Array
+) -> tuple[Window, bool]:
+    """The same into a window of `out`, as far as ways cost no more: the window within that which they reach, and
+    whether there are others, that cost more.
 
     Nothing is looked at outside the window, and no way leads out of it.
     """
-    first_row, end_row, first_column, end_column = _spread(cost, start[0], start[1], window, most, out)
-    return first_row, end_row, first_column, end_column
+    first_row, end_row, first_column, end_column, more = _spread(cost, *start, window, most, out)
+    return (first_row, end_row, first_column, end_column), more
 
 
 def cheapest_way(cost: Array, costs: Array, end: tuple[int, int], reached: Window | None = None) -> Cells:
@@ -76,7 +79,7 @@ def _spread(cost, row, column, window, most, out):  # type: ignore[no-untyped-de
     outs[cells[0]] = 0.0
     used = waiting = 1
     level = 0
-    low_row, high_row, low_column, high_column = row, row, column, column
+    low_row, high_row, low_column, high_column, more = row, row, column, column, False
     while waiting > 0:
         entry = buckets[level & (size - 1)]
         buckets[level & (size - 1)] = -1
@@ -88,7 +91,7 @@ def _spread(cost, row, column, window, most, out):  # type: ignore[no-untyped-de
             if here < level:  # was there already, by a cheaper way
                 continue
             if here > most:
-                outs[at] = np.inf
+                outs[at], more = np.inf, True
                 continue
             row = at // columns
             column = at - row * columns
@@ -116,7 +119,7 @@ def _spread(cost, row, column, window, most, out):  # type: ignore[no-untyped-de
                     used += 1
                     waiting += 1
         level += 1
-    return low_row, high_row + 1, low_column, high_column + 1
+    return low_row, high_row + 1, low_column, high_column + 1, more
 
 
 @kernel

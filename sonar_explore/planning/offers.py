@@ -18,6 +18,7 @@ from sonar_explore.planning.surroundings import Anchored, Surroundings
 from sonar_explore.slam import Slam
 
 NEAR_M = 3.0  # what is left within this is finished before the robot goes farther
+OFFERED_M = 12.0  # and what is farther than this is not looked for then: no score makes up for such a way
 DOUBTS = 12  # places gone to by a map that believes less, after nothing is left on the one that believes all;
 DOUBTS_AGAIN_AFTER_M2 = 4.0  # [m2] of free space found: as many again
 DOUBT_AREA_M2 = 0.5  # new area for which that is worth it,
@@ -99,29 +100,35 @@ class Offers:
             # it looks from here, wherever it was going
             self._doubted.append(self._surroundings.anchored(here.x, here.y))
 
-    def _candidates(self, pose: Pose, put_aside: Sequence[Anchored]) -> tuple[Candidate, ...]:
+    def _candidates(
+        self, pose: Pose, put_aside: Sequence[Anchored], within_m: float = math.inf
+    ) -> tuple[Candidate, ...]:
+        """Places worth a scan; those far beyond a distance, by ways weighted by discomfort, [m], are not looked for."""
         here, tried = self._surroundings, tuple(sorted(self._tried.items()))
         places = here.placed(put_aside)
-        key = (here.version, here.doubtful, here.daring, pose.x, pose.y, tuple(places), tried)
+        paths = here.paths(pose, max(within_m, OFFERED_M))
+        taken = here.doubtful, here.daring, pose.x, pose.y, paths.within_m
+        key = (here.version, *taken, tuple(places), tried)
         if key not in self._found:
             self._found = {k: v for k, v in self._found.items() if k[0] == here.version}
             aside = np.array(places).reshape(-1, 2)
             chains = self._slam.chains.chains
             self._found[key] = self._finder.find(
-                here.grid, here.paths(pose), chains, here.scan_positions, aside, self._tried
+                here.grid, paths, chains, here.scan_positions, aside, self._tried
             )
         return self._found[key]
 
     def _safe(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
-        """Every place with room on the way; none unless one is so near."""
+        """Every place with room on the way, the farthest left out where one is so near; none unless one is."""
         self._surroundings.daring = False
-        found = self._candidates(pose, self._put_aside)
+        found = self._candidates(pose, self._put_aside, within_m)
         return found if any(c.path_length_m <= within_m for c in found) else ()
 
     def _dared(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
         """Places so near, by ways nearer to the unknown and into gaps that the map draws too narrow."""
         self._surroundings.daring = True
-        return tuple(c for c in self._candidates(pose, self._put_aside) if c.path_length_m <= within_m)
+        found = self._candidates(pose, self._put_aside, within_m)
+        return tuple(c for c in found if c.path_length_m <= within_m)
 
     def _is_hemmed_in(self, pose: Pose) -> bool:
         """Whether most of the places with room cannot be got to without daring."""
@@ -147,7 +154,7 @@ class Offers:
         doubted = here.placed(self._doubted)
         found = [
             c
-            for c in self._candidates(pose, self._put_aside)
+            for c in self._candidates(pose, self._put_aside, within_m)
             if c.path_length_m <= within_m
             and _is_worth_a_doubt(c)
             and all(math.hypot(x - c.x, y - c.y) > DOUBTED_M for x, y in doubted)

@@ -69,7 +69,6 @@ class SafePaths:
             within_m: longer paths, weighted by discomfort, are left out, [m]: what is farther is not looked at.
         """
         self.frame: GridFrame = grid.frame
-        self.within_m = within_m
         self.least_room_m = body_radius_m + (config.daring_margin_m if daring else config.margin_m)
         """Distance of a path from what is not free, [m]."""
         res, start = grid.frame.resolution_m, grid.frame.cell(x, y)
@@ -77,7 +76,7 @@ class SafePaths:
         part = np.s_[window[0] : window[1], window[2] : window[3]]
         room, least = clearance(grid, config), self.least_room_m
         if daring:
-            careful, room = room, np.empty(room.shape)
+            careful, room = room, np.zeros(room.shape)
             room[part] = np.minimum(
                 careful[part] + config.unknown_credit_m, grid.to_walls_m[part] - 0.5 * res
             )
@@ -89,8 +88,10 @@ class SafePaths:
             self._cell_costs[start] = 1.0
         self.room_m = room
         """Distance of each cell to the nearest cell that is not free, shape (rows, columns), [m]; where paths lead."""
-        self.reached = spread_costs(self._cell_costs, start, window, within_m / res, self._costs)
+        self.reached, more = spread_costs(self._cell_costs, start, window, within_m / res, self._costs)
         """The part of the grid that paths lead to."""
+        self.within_m = within_m if more else math.inf
+        """Longer paths are left out, [m]; inf where there are none."""
 
     @property
     def cost_m(self) -> Array:

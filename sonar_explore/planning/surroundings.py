@@ -40,7 +40,8 @@ class Surroundings:
         """Where the ring shut the way: index of the last scan, and a piece of wall in its robot frame."""
         self._grids: dict[bool, OccupancyGrid] = {}
         """Of the map as it is, believed and doubted: whichever was asked for."""
-        self._plans: dict[tuple[bool, tuple[int, int], bool], SafePaths] = {}
+        self._plans: dict[tuple[bool, tuple[int, int], bool], dict[float, SafePaths]] = {}
+        """By how far they look."""
         self._scan_positions: Array | None = None
         self.version = 0
         """Counts the changes of the evidence."""
@@ -123,24 +124,33 @@ class Surroundings:
         """Take the map as it is, or only what is sure of its walls."""
         self.doubtful = doubtful
 
-    def paths(self, pose: Pose) -> SafePaths:
-        """Safe paths from here; those of before where neither the map nor the robot's cell has changed."""
-        key = (self.doubtful, self.grid.frame.cell(pose.x, pose.y), self.daring)
-        if key not in self._plans:
+    def paths(self, pose: Pose, within_m: float = math.inf) -> SafePaths:
+        """Safe paths from here to all that is no farther, by ways weighted by discomfort, [m]; those of before where
+        neither the map nor the robot's cell has changed."""
+        here = (self.doubtful, self.grid.frame.cell(pose.x, pose.y), self.daring)
+        known = self._plans.setdefault(here, {})
+        if within_m not in known:
             config = self._config.planning
-            self._plans[key] = SafePaths(
-                self.grid, pose.x, pose.y, self._radius_m, config, daring=self.daring
+            plan = SafePaths(
+                self.grid, pose.x, pose.y, self._radius_m, config, daring=self.daring, within_m=within_m
             )
-        return self._plans[key]
+            known[within_m] = known[plan.within_m] = plan
+        return known[within_m]
 
-    def all_paths(self, pose: Pose, detour_m: float) -> Iterator[tuple[SafePaths, float]]:
-        """The same, and how long they may be, [m]: before those of the map as it is taken, safe ones on the map that is
-        believed. A place worth a doubt is no reason to drive through walls on the way there.
+    def paths_as_far_as(self, pose: Pose, way_m: float) -> SafePaths:
+        """Safe paths from here to all that is no farther than this, and perhaps to more: those that are known."""
+        here = (self.doubtful, self.grid.frame.cell(pose.x, pose.y), self.daring)
+        known = [within_m for within_m in self._plans.get(here, {}) if within_m >= way_m]
+        return self.paths(pose, min(known, default=math.inf))
+
+    def all_paths(self, pose: Pose, way_m: float, detour_m: float) -> Iterator[tuple[SafePaths, float]]:
+        """Paths as far as a way is long, [m], and how long they may be, [m]: before those of the map as it is taken,
+        safe ones on the map that is believed. A place worth a doubt is no reason to drive through walls on the way.
         """
         taken_as = self.doubtful, self.daring
         for ways in sorted({(False, False), (False, self.daring), taken_as}):
             self.doubtful, self.daring = ways
-            paths = self.paths(pose)
+            paths = self.paths_as_far_as(pose, way_m if ways == taken_as else max(way_m, detour_m))
             self.doubtful, self.daring = taken_as
             yield paths, math.inf if ways == taken_as else detour_m
 

@@ -42,8 +42,9 @@ class Land:
     def placed(self, anchored):
         return [(at.x + self.correction_m, at.y) for _, at in anchored]
 
-    def paths(self, pose):
-        return SimpleNamespace(within=np.array([not self.shut_in]), room_m=np.ones(1), least_room_m=0.2)
+    def paths(self, pose, within_m=np.inf):
+        within = np.array([not self.shut_in])
+        return SimpleNamespace(within=within, room_m=np.ones(1), least_room_m=0.2, within_m=within_m)
 
     def swap_obstacles(self, obstacles):
         self.version += 1
@@ -130,3 +131,17 @@ def test_what_was_put_aside_or_looked_from_moves_with_the_map(correction_m):
     moved = place(0.5 + correction_m, 0.0), place(3.0 + correction_m, 0.0)
     land.places = (*moved, place(8.0, 0.0), place(8.0 + correction_m, 1.0))
     assert not set(moved) & set(offers.now(HERE)) and place(8.0, 0.0) in offers.now(HERE)
+
+
+@pytest.mark.parametrize(("near", "looked_m"), [(True, [12.0]), (False, [12.0, 12.0, 12.0, np.inf])])
+def test_while_something_near_is_left_the_whole_building_is_not_looked_through(near, looked_m):
+    land = Land(place(0.5, 0.0))
+    offers, asked = offers_in(land), []
+
+    def paths(pose, within_m=np.inf):
+        asked.append(within_m)
+        land.doubtful = near or within_m == np.inf  # there the finder finds something
+        return SimpleNamespace(within_m=within_m)
+
+    land.paths = paths  # type: ignore[method-assign]
+    assert offers.now(HERE) and asked == looked_m
