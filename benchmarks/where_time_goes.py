@@ -45,7 +45,7 @@ PARTS: tuple[tuple[str, Any, str], ...] = (
     ("  cells of changed scans", Sectors, "put"),
     ("safe paths (in both)", paths.SafePaths, "__init__"),
     ("  room", paths, "clearance"),
-    ("  cheapest costs", paths, "cheapest_costs"),
+    ("  cheapest costs", paths, "spread_costs"),
 )
 
 
