@@ -111,9 +111,15 @@ def _agreed(
     """
     things, alone = np.empty((len(heard.walls), 9)), np.ones(len(heard.others), dtype=bool)
     count = _agree(heard.walls, heard.others, _limits(agreement), things, alone, sums)
-    around = range(n - 1, -1, -1) if bearings[-1] < bearings[0] else range(n)
+    around = _around(n, bool(bearings[-1] < bearings[0]))
     rows = [*things[:count].tolist(), *heard.others[alone].tolist()]
-    return tuple(sorted((_feature(row, (*around, *around), config) for row in rows), key=_bearing))
+    return tuple(sorted([_feature(row, around, config) for row in rows], key=_bearing))
+
+
+@lru_cache(maxsize=4)
+def _around(n: int, clockwise: bool) -> tuple[int, ...]:
+    """The readings counter-clockwise, twice over."""
+    return (*range(n - 1, -1, -1),) * 2 if clockwise else (*range(n),) * 2
 
 
 @lru_cache(maxsize=4)
@@ -131,14 +137,14 @@ def _feature(row: Sequence[float], around: tuple[int, ...], config: FeatureConfi
     bearing, depth, sweep, width, _, discs, number, start, length = row
     kind, start = KINDS[int(number)], int(start)
     return Feature(
-        kind=kind,
-        bearing_rad=wrap_angle(bearing),
-        range_m=depth,
-        width_rad=width,
-        segment=tangent(kind, bearing, depth, width, config),
-        readings=around[start : start + int(length)],
-        sweep_rad=sweep,
-        discs=int(discs),
+        kind,
+        wrap_angle(bearing),
+        depth,
+        width,
+        tangent(kind, bearing, depth, width, config),
+        around[start : start + int(length)],
+        sweep,
+        int(discs),
     )
 
 
@@ -153,10 +159,11 @@ def _agree(walls, others, limits, things, alone, sums):  # type: ignore[no-untyp
     for i in range(n):
         disc[i] = int(walls[i, DISC])
         for j in range(n):
-            turned = abs(wrapped(walls[i, BEARING] - walls[j, BEARING])) / limits[1]
             farther = abs(walls[i, RANGE] - walls[j, RANGE]) / limits[2]
-            if turned <= 1.0 and farther <= 1.0:
-                distance[i, j] = turned + farther
+            if farther <= 1.0:
+                turned = abs(wrapped(walls[i, BEARING] - walls[j, BEARING])) / limits[1]
+                if turned <= 1.0:
+                    distance[i, j] = turned + farther
     members, ends = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
     count = agreeing(distance, disc, walls[:, BEARING], limits[0], members, ends)
     for i in range(len(others)):

@@ -65,7 +65,8 @@ class Chain:
         """The chain with one link more."""
         longer = Chain(self.id, (*self.links, link), self.root_index, self.root_probability, self.dangling)
         if "feet" in vars(self):
-            vars(longer)["feet"] = np.concatenate([self.feet, [(*link.foot, link.feature.discs)]])
+            vars(longer)["feet"] = feet = np.empty((len(longer.links), 4))
+            feet[:-1], feet[-1] = self.feet, (*link.foot, link.feature.discs)
         return longer
 
 

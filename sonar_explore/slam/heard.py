@@ -46,19 +46,21 @@ class Heard:
 def heard_by_discs(scan: Scan, config: FeatureConfig, points: PointConfig, turn_error: float = 0.0) -> Heard:
     """What the disc of the scan and the others heard; the robot turned by so much more than it counted, relative."""
     scans = (scan, *scan.others)
-    counts = tuple(len(disc.ranges_m) for disc in scans)
-    if any(np.shape(disc.headings_rad) != (n,) or n < 3 for disc, n in zip(scans, counts, strict=True)):
+    counts = tuple([len(disc.ranges_m) for disc in scans])
+    reach = tuple([disc.range_max_m for disc in scans])
+    if min(counts) < 3 or any(len(disc.headings_rad) != n for disc, n in zip(scans, counts, strict=True)):
         _complain(scans)
-    levers, mounts = _mounted(tuple(disc.pose_sonar_in_robot for disc in scans), counts)
+    levers, mounts = _mounted(tuple([disc.pose_sonar_in_robot for disc in scans]), counts, reach)
     if any(disc.ring is not None for disc in scans):
         levers = np.concatenate([[*disc.levers, disc.discs[:, 2]] for disc in scans], axis=1)
     headings = np.concatenate([disc.headings_rad for disc in scans]) * (1.0 + turn_error)
     ranges = np.concatenate([disc.ranges_m for disc in scans], dtype=float)
+    if headings.ndim != 1 or ranges.ndim != 1:
+        _complain(scans)
     size = len(ranges)
     walls, others, found = np.empty((size, 9)), np.empty((counts[0], 9)), np.empty((size, 7))
     ends, limits, sizes = np.cumsum(counts), _limits(config, points), np.empty(3, dtype=np.int64)
-    range_max = np.array([disc.range_max_m for disc in scans])
-    if not _hear(headings, ranges, levers, ends, mounts, range_max, limits, walls, others, found, sizes):
+    if not _hear(headings, ranges, levers, ends, mounts, limits, walls, others, found, sizes):
         _complain(scans)
     n, m, k = sizes.tolist()
     return Heard(walls[:n], others[:m], found[:k])
@@ -71,9 +73,12 @@ def _complain(scans: Sequence[Scan]) -> None:
 
 
 @lru_cache(maxsize=4)
-def _mounted(mounts: tuple[Pose, ...], counts: tuple[int, ...]) -> tuple[Array, Array]:
-    """Lever of each reading, its direction and that of the beam, shape (3, n); x y heading aside of each disc."""
-    discs = np.array([(mount.x, mount.y, mount.heading, aside(mount)) for mount in mounts])
+def _mounted(
+    mounts: tuple[Pose, ...], counts: tuple[int, ...], reach: tuple[float, ...]
+) -> tuple[Array, Array]:
+    """Lever of each reading, its direction and that of the beam, shape (3, n); x y heading aside, and the largest
+    range, of each disc."""
+    discs = np.array([(m.x, m.y, m.heading, aside(m), far) for m, far in zip(mounts, reach, strict=True)])
     x, y, heading = discs[:, :3].T
     return np.repeat([np.hypot(x, y), np.arctan2(y, x) - heading, heading], counts, axis=1), discs
 
@@ -110,7 +115,7 @@ def _limits(config: FeatureConfig, points: PointConfig) -> Array:
 
 
 @kernel
-def _hear(headings, ranges, levers, ends, mounts, range_max, limits, walls, others, found, sizes):  # type: ignore[no-untyped-def]
+def _hear(headings, ranges, levers, ends, mounts, limits, walls, others, found, sizes):  # type: ignore[no-untyped-def]
     """Walls, the first disc's other features, what is in front, and how many they are; False for what is no scan."""
     sizes[:] = 0
     begin = np.int64(0)  # a plain 0 is a constant: what it is handed to would be compiled twice
@@ -122,7 +127,7 @@ def _hear(headings, ranges, levers, ends, mounts, range_max, limits, walls, othe
             return False
         rows, runs, kinds = np.empty((n, 4)), np.empty((n, 2), dtype=np.int64), np.empty(n, dtype=np.int64)
         lever_m, lever_rad = levers[0][begin:end], levers[1][begin:end]
-        count = regions(bearings, ping, lever_m, lever_rad, range_max[disc], limits[0], limits[1], rows, runs)
+        count = regions(bearings, ping, lever_m, lever_rad, mounts[disc, 4], limits[0], limits[1], rows, runs)
         sizes[2] = in_front(
             bearings, heading, ping, rows, runs, count, disc, mounts[disc], limits, found, sizes[2]
         )

@@ -134,10 +134,12 @@ def _agreed(heard, bearings, limits, points, sums):  # type: ignore[no-untyped-d
     distance, disc = np.full((n, n), np.inf), np.empty(n, dtype=np.int64)
     for i in range(n):
         disc[i] = int(heard[i, 0])
-        for j in range(n):
-            off = math.hypot(heard[i, 1] - heard[j, 1], heard[i, 2] - heard[j, 2])
-            if off <= limits[1]:
-                distance[i, j] = off
+        for j in range(i + 1):
+            dx, dy = abs(heard[i, 1] - heard[j, 1]), abs(heard[i, 2] - heard[j, 2])
+            if dx <= limits[1] and dy <= limits[1]:
+                off = math.hypot(dx, dy)
+                if off <= limits[1]:
+                    distance[i, j] = distance[j, i] = off
     members, ends = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
     count = 0
     for thing in range(agreeing(distance, disc, heard[:, 3], limits[0], members, ends)):

@@ -198,7 +198,8 @@ def _depth(bearings, ranges, lever_m, lever_rad, start, length, k):  # type: ign
 def _sorted_depths(bearings, ranges, lever_m, lever_rad, start, length, most, rising):  # type: ignore[no-untyped-def]
     """Depths of the readings of a run, rising, into `rising`; False where they are farther apart than `most`."""
     for k in range(length):
-        depth = _depth(bearings, ranges, lever_m, lever_rad, start, length, k)
+        # the last one first: it is the one that the run before this did not have
+        depth = _depth(bearings, ranges, lever_m, lever_rad, start, length, (k + length - 1) % length)
         at = k
         while at > 0 and rising[at - 1] > depth:
             rising[at] = rising[at - 1]
@@ -215,23 +216,24 @@ def _middle(rising, length):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _constant_runs(bearings, ranges, lever_m, lever_rad, joined, tolerance, tie, rows):  # type: ignore[no-untyped-def]
-    """(start, length, spread, median) of each constant run, the shortest first, into `rows`: how many.
+def _constant_runs(bearings, ranges, lever_m, lever_rad, joined, tolerance, tie):  # type: ignore[no-untyped-def]
+    """(start, length, spread, median) of each constant run, the shortest first; rows, and how many are used.
 
     Ends at a length that none has. Readings of one disc whose ranges differ by more than twice the tolerance, and what
     its lever can make of it over the run, are not looked at. Spreads and medians are rounded, `tie` steps to the metre.
     """
     n = len(ranges) // 2
     together = np.empty(n, dtype=np.int64)  # readings from each start on that follow one another
-    for start in range(n):
-        k = 1
-        while k < n and joined[start + k - 1]:
-            k += 1
-        together[start] = k
+    follow = 1
+    for start in range(2 * n - 2, -1, -1):
+        follow = min(n, follow + 1) if joined[start] else 1
+        if start < n:
+            together[start] = follow
     low, high = ranges[:n].copy(), ranges[:n].copy()  # of the readings of each run
     most, swing, one_disc = 2.0 * tolerance + 1e-9, 2.0 * lever_m.max(), True
     for i in range(1, n):
         one_disc = one_disc and lever_m[i] == lever_m[0] and lever_rad[i] == lever_rad[0]
+    slope, rows = abs(math.sin(lever_rad[0])), np.empty((8 * n, 4))
     rising = np.empty(n)
     count = 0
     for length in range(2, n + 1):
@@ -241,20 +243,24 @@ def _constant_runs(bearings, ranges, lever_m, lever_rad, joined, tolerance, tie,
                 continue
             last = start + length - 1
             low[start], high[start] = min(low[start], ranges[last]), max(high[start], ranges[last])
-            lever = lever_m[0] * (bearings[last] - bearings[start]) if one_disc else swing
-            if high[start] - low[start] > most + lever:
+            if one_disc:
+                width = bearings[last] - bearings[start]
+                swing = lever_m[0] * (slope + 0.5 * width) * width
+            if high[start] - low[start] > most + swing:
                 continue
             if not _sorted_depths(bearings, ranges, lever_m, lever_rad, start, length, most, rising):
                 continue
             median = _middle(rising, length)
             spread = max(median - rising[0], rising[length - 1] - median)
             if spread <= tolerance:
+                if count == len(rows):
+                    rows = np.concatenate((rows, np.empty_like(rows)))
                 rows[count, 0], rows[count, 1] = start, length
                 rows[count, 2], rows[count, 3] = np.rint(spread * tie) / tie, np.rint(median * tie) / tie
                 count += 1
         if count == before:
             break
-    return count
+    return rows, count
 
 
 @kernel
@@ -264,8 +270,7 @@ def _runs_longest_first(bearings, ranges, lever_m, lever_rad, joined, tolerance,
     Their starts and lengths go into `runs`, the medians of their depths and of their ranges into `depths`.
     """
     n = len(ranges) // 2
-    rows = np.empty((n * n, 4))
-    left = _constant_runs(bearings, ranges, lever_m, lever_rad, joined, tolerance, tie, rows)
+    rows, left = _constant_runs(bearings, ranges, lever_m, lever_rad, joined, tolerance, tie)
     taken = np.zeros(n, dtype=np.bool_)
     rising = np.empty(n)
     count = 0
