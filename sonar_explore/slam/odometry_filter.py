@@ -74,6 +74,8 @@ class OdometryFilter:
 
     def __init__(self, config: FilterConfig) -> None:
         self.config = config
+        least = config.least_position_m, config.least_position_m, config.least_heading_rad
+        self._floor = np.array(least) ** 2
         self.turn_error = 0.0
         """True over measured turn, less one."""
         self.bend_rad_m = 0.0
@@ -218,9 +220,8 @@ class OdometryFilter:
         innovated(self.covariance, jacobian, innovation, cfg.huber_sigmas**2, noise, across, expected)
         gain = np.linalg.solve(expected, across).T
         change = gain @ innovation
-        floor = np.array([cfg.least_position_m, cfg.least_position_m, cfg.least_heading_rad]) ** 2
         self.covariance = updated_covariance(
-            self.covariance, np.ascontiguousarray(gain), jacobian, noise, floor
+            self.covariance, np.ascontiguousarray(gain), jacobian, noise, self._floor
         )
         x, y, heading, turn_error, bend_rad_m, own_error = change.tolist()
         self.turn_error += turn_error

@@ -35,35 +35,41 @@ def clusters(adr_rad: Array, half_width_rad: float) -> tuple[tuple[int, ...], ..
 
     The largest group is taken first, ties by the smaller spread. Each group is a tuple of indices.
     """
-    left, groups = np.argsort(adr_rad, kind="stable"), []
-    while len(left):
-        first, length = _largest_window(adr_rad[left], half_width_rad + 1e-12)
-        groups.append(tuple(left[first : first + length].tolist()))
-        left = np.delete(left, slice(first, first + length))
+    off = adr_rad.tolist()
+    left, groups = sorted(range(len(off)), key=off.__getitem__), []
+    while left:
+        first, length = _largest_window([off[i] for i in left], half_width_rad + 1e-12)
+        groups.append(tuple(left[first : first + length]))
+        del left[first : first + length]
     return tuple(groups)
 
 
-def _largest_window(rising: Array, half_width: float) -> tuple[int, int]:
+def _largest_window(rising: list[float], half_width: float) -> tuple[int, int]:
     """First and length of the longest run of rising values within `half_width` of their mean; ties by the spread."""
-    ends = rising.tolist()
-    for length in range(len(ends), 1, -1):
+    for length in range(len(rising), 1, -1):
         fitting = [
-            (round(ends[i + length - 1] - ends[i], 12), i)
-            for i in range(len(ends) - length + 1)
-            if _reach(ends[i], ends[i + length - 1], _mean(rising[i : i + length])) <= half_width
+            (round(rising[i + length - 1] - rising[i], 12), i)
+            for i in range(len(rising) - length + 1)
+            if _reach(rising[i : i + length]) <= half_width
         ]
         if fitting:
             return min(fitting)[1], length
     return 0, 1
 
 
-def _mean(values: Array) -> float:
-    """`values.mean()`, without its overhead."""
-    return float(np.add.reduce(values)) / len(values)
+def _reach(rising: list[float]) -> float:
+    middle = _mean(rising)
+    return max(abs(rising[0] - middle), abs(rising[-1] - middle))
 
 
-def _reach(least: float, most: float, middle: float) -> float:
-    return max(abs(least - middle), abs(most - middle))
+def _mean(values: list[float]) -> float:
+    """`np.mean(values)`, without its overhead where they are few."""
+    if len(values) >= 8:
+        return float(np.mean(values))
+    total = 0.0
+    for value in values:
+        total += value
+    return total / len(values)
 
 
 def p_distance(end_gap_m: float | Sequence[float], config: ProbabilityConfig) -> Array:
@@ -84,15 +90,15 @@ def association_probabilities(
 
     Equation (2) is the union of P(cluster), P(dist) and P(ang).
     """
-    probabilities, off = np.zeros(len(kept)), adr_rad.tolist()
+    probabilities, off = [0.0] * len(kept), adr_rad.tolist()
     p_dist = p_distance([association.end_gap_m for association in kept], config).tolist()
     for group in clusters(adr_rad, config.cluster_half_width_rad):
         p_cluster = len(group) / len(kept)  # equation (1)
-        middle = _mean(adr_rad[list(group)])
+        middle = _mean([off[i] for i in group])
         for i in group:
             p_ang = p_angle(off[i] - middle, config)
             probabilities[i] = 1.0 - (1.0 - p_cluster) * (1.0 - p_dist[i]) * (1.0 - p_ang)
-    return probabilities
+    return np.array(probabilities)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from sonar_explore.geometry import Array
 from sonar_explore.measurement import Scan
 
 LARGEST_GAP_STEPS = 2.0  # headings farther apart than this many usual steps do not follow one another
+SLACK_M = 1e-9  # ranges that are alike but for rounding
 TIE_DECIMALS = 9  # spreads equal to a nanometre are a tie: the choice must not hang on the last bit
 
 
@@ -215,12 +216,23 @@ def _middle(rising, length):  # type: ignore[no-untyped-def]
     return 0.5 * (rising[(length - 1) // 2] + rising[length // 2])
 
 
-@kernel
-def _constant_runs(bearings, ranges, lever_m, lever_rad, joined, tolerance, tie):  # type: ignore[no-untyped-def]
-    """(start, length, spread, median) of each constant run, the shortest first; rows, and how many are used.
+@inner_kernel
+def _constant(bearings, ranges, lever_m, lever_rad, start, length, tolerance, tie, rising, run):  # type: ignore[no-untyped-def]
+    """Whether a run is constant; its start, spread and median into `run`, rounded, `tie` steps to the metre."""
+    most = 2.0 * tolerance + SLACK_M
+    if not _sorted_depths(bearings, ranges, lever_m, lever_rad, start, length, most, rising):
+        return False
+    median = _middle(rising, length)
+    spread = max(median - rising[0], rising[length - 1] - median)
+    run[0], run[1], run[2] = start, np.rint(spread * tie) / tie, np.rint(median * tie) / tie
+    return spread <= tolerance
 
-    Ends at a length that none has. Readings of one disc whose ranges differ by more than twice the tolerance, and what
-    its lever can make of it over the run, are not looked at. Spreads and medians are rounded, `tie` steps to the metre.
+
+@kernel
+def _may_be_constant(bearings, ranges, lever_m, lever_rad, joined, tolerance, may):  # type: ignore[no-untyped-def]
+    """Which runs, by length and start, hang together and have ranges alike enough: the lengths that any has.
+
+    Of one disc, ranges may differ by twice the tolerance and what the lever makes of it over the run.
     """
     n = len(ranges) // 2
     together = np.empty(n, dtype=np.int64)  # readings from each start on that follow one another
@@ -230,68 +242,71 @@ def _constant_runs(bearings, ranges, lever_m, lever_rad, joined, tolerance, tie)
         if start < n:
             together[start] = follow
     low, high = ranges[:n].copy(), ranges[:n].copy()  # of the readings of each run
-    most, swing, one_disc = 2.0 * tolerance + 1e-9, 2.0 * lever_m.max(), True
+    slope, swing, one_disc = abs(math.sin(lever_rad[0])), 2.0 * lever_m.max(), True
     for i in range(1, n):
         one_disc = one_disc and lever_m[i] == lever_m[0] and lever_rad[i] == lever_rad[0]
-    slope, rows = abs(math.sin(lever_rad[0])), np.empty((8 * n, 4))
-    rising = np.empty(n)
-    count = 0
     for length in range(2, n + 1):
-        before = count
+        some = False
         for start in range(n):
-            if together[start] < length:
-                continue
             last = start + length - 1
             low[start], high[start] = min(low[start], ranges[last]), max(high[start], ranges[last])
             if one_disc:
                 width = bearings[last] - bearings[start]
                 swing = lever_m[0] * (slope + 0.5 * width) * width
-            if high[start] - low[start] > most + swing:
-                continue
-            if not _sorted_depths(bearings, ranges, lever_m, lever_rad, start, length, most, rising):
-                continue
-            median = _middle(rising, length)
-            spread = max(median - rising[0], rising[length - 1] - median)
-            if spread <= tolerance:
-                if count == len(rows):
-                    rows = np.concatenate((rows, np.empty_like(rows)))
-                rows[count, 0], rows[count, 1] = start, length
-                rows[count, 2], rows[count, 3] = np.rint(spread * tie) / tie, np.rint(median * tie) / tie
-                count += 1
-        if count == before:
-            break
-    return rows, count
+            alike = high[start] - low[start] <= 2.0 * tolerance + SLACK_M + swing
+            may[length, start] = alike and together[start] >= length
+            some = some or may[length, start]
+        if not some:
+            return length - 1
+    return n
 
 
 @kernel
 def _runs_longest_first(bearings, ranges, lever_m, lever_rad, joined, tolerance, tie, runs, depths):  # type: ignore[no-untyped-def]
     """Constant runs that share no reading: the longest first, then the flattest, then the nearest: how many.
 
-    Their starts and lengths go into `runs`, the medians of their depths and of their ranges into `depths`.
+    None is longer than the first length that no constant run has, less one. Their starts and lengths go into `runs`,
+    the medians of their depths and of their ranges into `depths`.
     """
     n = len(ranges) // 2
-    rows, left = _constant_runs(bearings, ranges, lever_m, lever_rad, joined, tolerance, tie)
-    taken = np.zeros(n, dtype=np.bool_)
-    rising = np.empty(n)
+    may, taken = np.empty((n + 1, n), dtype=np.bool_), np.zeros(n, dtype=np.bool_)
+    found, rising = np.empty((n, 3)), np.empty(n)
+    longest = _may_be_constant(bearings, ranges, lever_m, lever_rad, joined, tolerance, may)
+    at = 0
+    for length in range(2, longest + 1):
+        some = False
+        for k in range(n):  # likely where the run before this one was
+            start = (at + k) % n
+            if may[length, start] and _constant(
+                bearings, ranges, lever_m, lever_rad, start, length, tolerance, tie, rising, found[0]
+            ):
+                some, at = True, start
+                break
+        if not some:
+            longest = length - 1
+            break
     count = 0
-    while left > 0:
-        length = int(rows[left - 1, 1])
-        first = left
-        while first > 0 and rows[first - 1, 1] == length:
-            first -= 1
+    for length in range(longest, 1, -1):
+        left = 0
+        for start in range(n):
+            # No run taken so far is shorter than this one, so an overlap must cover one of its ends.
+            if not may[length, start] or taken[start] or taken[(start + length - 1) % n]:
+                continue
+            left += _constant(
+                bearings, ranges, lever_m, lever_rad, start, length, tolerance, tie, rising, found[left]
+            )
         while True:
             best = -1
-            for i in range(first, left):
-                start = int(rows[i, 0])
-                # No run taken so far is shorter than this one, so an overlap must cover one of its ends.
+            for i in range(left):
+                start = int(found[i, 0])
                 if taken[start] or taken[(start + length - 1) % n]:
                     continue
-                flatter = best < 0 or rows[i, 2] < rows[best, 2]
-                if flatter or (rows[i, 2] == rows[best, 2] and rows[i, 3] < rows[best, 3]):
+                flatter = best < 0 or found[i, 1] < found[best, 1]
+                if flatter or (found[i, 1] == found[best, 1] and found[i, 2] < found[best, 2]):
                     best = i
             if best < 0:
                 break
-            start = int(rows[best, 0])
+            start = int(found[best, 0])
             for k in range(length):
                 taken[(start + k) % n] = True
             runs[count, 0], runs[count, 1] = start, length
@@ -306,5 +321,4 @@ def _runs_longest_first(bearings, ranges, lever_m, lever_rad, joined, tolerance,
                 rising[at] = echo
             depths[count, 1] = _middle(rising, length)
             count += 1
-        left = first
     return count

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+from scipy.linalg import lapack
 
 from sonar_explore.compiled import lean_kernel
 from sonar_explore.geometry import Array, Segment, wrap_undirected
@@ -18,6 +20,7 @@ from sonar_explore.sums import fma
 
 ROUNDS = 3
 """Of reweighting: feet far off the line count less each time."""
+EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -64,12 +67,27 @@ def _fit(
     rows, values, weights = np.empty((2 * n, 2)), np.empty(2 * n), np.ones(2 * n)
     sigmas = config.foot_sigma_m, config.direction_sigma_rad**2, config.direction_least_rad**2
     _equations(feet, slopes, *axis, *sigmas, rows, values)
-    solution = np.linalg.lstsq(rows, values, rcond=None)[0]
+    solution = _least_squares(rows, values)
     for _ in range(1, ROUNDS):
         if not _reweighted(rows, values, solution, weights):
             break  # the same once more
-        solution = np.linalg.lstsq(rows * weights[:, None], values * weights, rcond=None)[0]
-    return float(solution[0]), float(solution[1])
+        solution = _least_squares(rows * weights[:, None], values * weights)
+    offset, slope = solution.tolist()
+    return offset, slope
+
+
+def _least_squares(rows: Array, values: Array) -> Array:
+    """`np.linalg.lstsq` for two unknowns: the same routine, without what surrounds it."""
+    work, size = _workspace(len(rows))
+    found: Array = lapack.dgelsd(rows, values, work, size, EPS * len(rows))[0]
+    return found[:2]
+
+
+@cache
+def _workspace(m: int) -> tuple[int, int]:
+    """That LAPACK wants for m rows of two unknowns: numbers, and whole numbers."""
+    work, size, _ = lapack.dgelsd_lwork(m, 2, 1)
+    return int(work), int(size)
 
 
 @lean_kernel
