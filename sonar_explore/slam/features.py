@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from sonar_explore.beam import Beam
-from sonar_explore.geometry import Pose, Segment, wrap_angle
+from sonar_explore.geometry import Segment, wrap_angle
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.ends import Ends, neighbours
 from sonar_explore.slam.rcd import Rcd, compensated_ranges, regions_of_constant_depth
@@ -50,12 +50,14 @@ class Feature:
 
     def turned(self, angle_rad: float) -> Feature:
         """The same feature at another bearing."""
+        c, s, ends = math.cos(angle_rad), math.sin(angle_rad), self.segment
+        x1, y1, x2, y2 = ends.x1, ends.y1, ends.x2, ends.y2
         return Feature(
             self.kind,
             wrap_angle(self.bearing_rad + angle_rad),
             self.range_m,
             self.width_rad,
-            self.segment.transformed(Pose(0.0, 0.0, angle_rad)),
+            Segment(c * x1 - s * y1, s * x1 + c * y1, c * x2 - s * y2, s * x2 + c * y2),
             self.readings,
             self.sweep_rad,
             self.discs,

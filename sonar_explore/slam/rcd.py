@@ -159,15 +159,19 @@ def regions(bearings, ranges, lever_m, lever_rad, range_max, tolerance, tie, row
     whether each and the next both heard something, one step apart. How many regions.
     """
     n = len(ranges)
-    around = np.empty((4, 2 * n))
-    for i in range(2 * n):
-        k = i % n if bearings[0] < bearings[n - 1] else n - 1 - i % n
-        around[0, i] = bearings[k] if i < n else bearings[k] + 2.0 * math.pi
+    around, rising = np.empty((4, 2 * n)), bearings[0] < bearings[n - 1]
+    for i in range(n):
+        k = i if rising else n - 1 - i
+        around[0, i], around[0, n + i] = bearings[k], bearings[k] + 2.0 * math.pi
         around[1, i], around[2, i], around[3, i] = ranges[k], lever_m[k], lever_rad[k]
+        around[1, n + i], around[2, n + i], around[3, n + i] = ranges[k], lever_m[k], lever_rad[k]
     steps, joined = np.empty(2 * n - 1), np.empty(2 * n - 1, dtype=np.bool_)
+    least, most = np.inf, 0.0
     for i in range(2 * n - 1):
         steps[i] = around[0, i + 1] - around[0, i]
-    usual = nth(steps.copy(), n - 1)  # the median, for they are odd in number
+        least, most = min(least, steps[i]), max(most, steps[i])
+    # where none is too far from the least, none is from the median; they are odd in number
+    usual = least if 0.0 < most <= LARGEST_GAP_STEPS * least else nth(steps.copy(), n - 1)
     for i in range(2 * n - 1):
         heard = around[1, i] < range_max and around[1, i + 1] < range_max
         joined[i] = heard and 0.0 < steps[i] <= LARGEST_GAP_STEPS * usual
