@@ -117,12 +117,14 @@ def _limits(config: FeatureConfig, points: PointConfig) -> Array:
 @kernel
 def _hear(headings, ranges, levers, ends, mounts, limits, walls, others, found, sizes):  # type: ignore[no-untyped-def]
     """Walls, the first disc's other features, what is in front, and how many they are; False for what is no scan."""
-    sizes[:] = 0
+    sizes[0] = sizes[1] = sizes[2] = 0
     begin = np.int64(0)  # a plain 0 is a constant: what it is handed to would be compiled twice
     for disc in range(len(ends)):
         end = ends[disc]
         heading, ping = headings[begin:end], ranges[begin:end]
-        n, bearings = len(ping), heading + levers[2][begin:end]
+        n, bearings = len(ping), np.empty(len(ping))
+        for i in range(n):
+            bearings[i] = heading[i] + levers[2, begin + i]
         if not all_ranges(ping) or not one_way_round(heading, bearings):
             return False
         rows, runs, kinds = np.empty((n, 4)), np.empty((n, 2), dtype=np.int64), np.empty(n, dtype=np.int64)
@@ -135,7 +137,7 @@ def _hear(headings, ranges, levers, ends, mounts, limits, walls, others, found, 
         first = sizes[0]
         for k in range(count):
             if kinds[k] == WALL:
-                _note(walls, first, sizes[0], rows, runs, k, WALL, heading, bearings, disc, mounts)
+                _note(walls, first, sizes[0], rows, runs, k, kinds[k], heading, bearings, disc, mounts)
                 sizes[0] += 1
             elif kinds[k] >= 0 and disc == 0:
                 _note(others, sizes[1], sizes[1], rows, runs, k, kinds[k], heading, bearings, disc, mounts)

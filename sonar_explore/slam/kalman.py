@@ -6,34 +6,46 @@ import math
 
 import numpy as np
 
-from sonar_explore.compiled import kernel
+from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.sums import fma
 
 X, Y, HEADING, TURN, BEND, OWN = range(6)
 SIZE = 6
 
 
-@kernel
-def _product(a, b):  # type: ignore[no-untyped-def]
-    """`a @ b`."""
-    out = np.empty((a.shape[0], b.shape[1]))
+@inner_kernel
+def _product(a, b, out):  # type: ignore[no-untyped-def]
+    """`a @ b` into `out`."""
     for i in range(a.shape[0]):
         for j in range(b.shape[1]):
             added = 0.0
             for k in range(a.shape[1]):
                 added = fma(a[i, k], b[k, j], added)
             out[i, j] = added
-    return out
+
+
+@inner_kernel
+def _product_turned(a, b, out):  # type: ignore[no-untyped-def]
+    """`a @ b.T` into `out`."""
+    for i in range(a.shape[0]):
+        for j in range(b.shape[0]):
+            added = 0.0
+            for k in range(a.shape[1]):
+                added = fma(a[i, k], b[j, k], added)
+            out[i, j] = added
 
 
 @kernel
 def moved_covariance(covariance, forward, turn, own, heading, along, drift):  # type: ignore[no-untyped-def]
     """F P F' + Q: the covariance after a motion; `along` is the variance of its length, `drift` that of its heading."""
     c, s = math.cos(heading), math.sin(heading)
-    motion = np.eye(SIZE)
+    motion, half, p = np.zeros((SIZE, SIZE)), np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE))
+    for i in range(SIZE):
+        motion[i, i] = 1.0
     motion[X, HEADING], motion[Y, HEADING] = -s * forward, c * forward
     motion[HEADING, TURN], motion[HEADING, BEND], motion[HEADING, OWN] = turn, forward, own
-    p = _product(_product(motion, covariance), motion.T)
+    _product(motion, covariance, half)
+    _product_turned(half, motion, p)
     p[X, X] += c * c * along
     p[Y, Y] += s * s * along
     p[X, Y] += c * s * along
@@ -65,8 +77,8 @@ def innovated(p, jacobian, innovation, huber, noise, across, expected):  # type:
             for k in range(SIZE):
                 variance += jacobian[i, j] * p[j, k] * jacobian[i, k]
         noise[i] *= max(1.0, innovation[i] * innovation[i] / (huber * (variance + noise[i])))
-    across[:] = _product(jacobian, p)
-    expected[:] = _product(across, jacobian.T)
+    _product(jacobian, p, across)
+    _product_turned(across, jacobian, expected)
     for i in range(n):
         expected[i, i] += noise[i]
 
@@ -74,8 +86,21 @@ def innovated(p, jacobian, innovation, huber, noise, across, expected):  # type:
 @kernel
 def updated_covariance(p, gain, jacobian, noise, floor):  # type: ignore[no-untyped-def]
     """The covariance after an update, in Joseph's form: (I - K H) P (I - K H)' + K R K'; never below the floor."""
-    kept, scaled = np.eye(SIZE) - _product(gain, jacobian), gain * noise
-    covariance = _product(_product(kept, p), kept.T) + _product(scaled, gain.T)
+    n = len(noise)
+    kept, half, scaled = np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE)), np.empty((SIZE, n))
+    covariance, added = np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE))
+    _product(gain, jacobian, half)
+    for i in range(SIZE):
+        for j in range(SIZE):
+            kept[i, j] = (1.0 if i == j else 0.0) - half[i, j]
+        for j in range(n):
+            scaled[i, j] = gain[i, j] * noise[j]
+    _product(kept, p, half)
+    _product_turned(half, kept, covariance)
+    _product_turned(scaled, gain, added)
+    for i in range(SIZE):
+        for j in range(SIZE):
+            covariance[i, j] += added[i, j]
     for i in range(len(floor)):
         covariance[i, i] = max(covariance[i, i], floor[i])
     return covariance
