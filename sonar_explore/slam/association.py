@@ -119,7 +119,7 @@ def _meet(walls, wall_angles, links, link_angles, owners, gates, found, gaps):  
     along = np.empty((len(links), 3))
     for j in range(len(links)):
         along[j, 0], along[j, 1] = math.cos(link_angles[j]), math.sin(link_angles[j])
-        along[j, 2] = math.hypot(links[j, 2] - links[j, 0], links[j, 3] - links[j, 1])
+        along[j, 2] = np.hypot(links[j, 2] - links[j, 0], links[j, 3] - links[j, 1])
     count = 0
     for i in range(len(walls)):
         first = count
@@ -156,8 +156,8 @@ def _gaps(wall, link, along):  # type: ignore[no-untyped-def]
     at1, at2 = dx1 * c + dy1 * s, dx2 * c + dy2 * s
     end_gap = 0.0
     if not (max(at1, at2) >= 0.0 and min(at1, at2) <= length):
-        first = min(math.hypot(at1, across1), math.hypot(at1 - length, across1))
-        end_gap = min(first, math.hypot(at2, across2), math.hypot(at2 - length, across2))
+        first = min(np.hypot(at1, across1), np.hypot(at1 - length, across1))
+        end_gap = min(first, np.hypot(at2, across2), np.hypot(at2 - length, across2))
     return (abs(across1) + abs(across2) + 0.5 * abs(across1 + across2)) / 3.0, end_gap
 
 

@@ -137,7 +137,7 @@ def _agreed(heard, bearings, limits, points, sums):  # type: ignore[no-untyped-d
         for j in range(i + 1):
             dx, dy = abs(heard[i, 1] - heard[j, 1]), abs(heard[i, 2] - heard[j, 2])
             if dx <= limits[1] and dy <= limits[1]:
-                off = math.hypot(dx, dy)
+                off = np.hypot(dx, dy)
                 if off <= limits[1]:
                     distance[i, j] = distance[j, i] = off
     members, ends = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
