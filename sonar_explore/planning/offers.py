@@ -28,7 +28,10 @@ DOUBTED_M = 0.75  # places nearer to one that was tried so are not tried again
 SECOND_CHANCE_AFTER_M2 = 4.0  # of free space found since the last one
 LOOP_TRIPS = 12  # drives to close loops
 LOOP_GOAL_M = 0.3  # nearer to where two of them went, none is sent any more
-FAR_SHARE = 0.05  # of the way driven may be spent on daring and doubts farther off: they seldom find anything
+FAR_SHARE = (
+    0.05  # of the way driven may be spent on daring and doubts farther off: they seldom find anything;
+)
+FAR_LEAST_M = 20.0  # [m], and so much from each find on: a room may be left behind a door that looks shut
 SAME_PLACE_M = 0.05  # nearer to a place put aside is that place: elsewhere the robot has stood
 
 
@@ -56,7 +59,7 @@ class Offers:
         self._closing = False
         self._loop_goals: list[Anchored] = []
         """Where those drives ended, or should have, anchored."""
-        self._far_m = 0.0
+        self._far_m = FAR_LEAST_M
         """What may be spent on daring and doubts farther off than `NEAR_M`, [m]."""
         self.goal: tuple[float, float] | None = None
         """Where the last drive was going when it stopped for a scan, map frame, [m]; None where it was not."""
@@ -145,6 +148,7 @@ class Offers:
         free_m2 = here.free_m2
         if free_m2 >= self._free_m2_at_doubts + DOUBTS_AGAIN_AFTER_M2:
             self._free_m2_at_doubts, self._doubts = free_m2, DOUBTS
+            self._far_m = max(self._far_m, FAR_LEAST_M)
         # what was drawn twice and is drawn once since the poses were corrected was no find
         self._free_m2_at_doubts = min(self._free_m2_at_doubts, free_m2)
         if not self._doubts:

@@ -11,7 +11,14 @@ from sonar_explore.config import ExplorationConfig
 from sonar_explore.geometry import Pose
 from sonar_explore.planning.candidates import Candidate
 from sonar_explore.planning.driving import DriveEnd
-from sonar_explore.planning.offers import DOUBTS, DOUBTS_AGAIN_AFTER_M2, FAR_SHARE, NEAR_M, Offers
+from sonar_explore.planning.offers import (
+    DOUBTS,
+    DOUBTS_AGAIN_AFTER_M2,
+    FAR_LEAST_M,
+    FAR_SHARE,
+    NEAR_M,
+    Offers,
+)
 
 HERE = Pose(0.0, 0.0, 0.0)
 AWAY = Pose(5.0, 0.0, 0.0)
@@ -88,15 +95,28 @@ def test_a_way_that_was_shut_far_from_a_doubtful_place_says_nothing_of_what_is_t
     assert offers.now(HERE) == (place(0.9, 0.0),)
 
 
+FAR_M = NEAR_M + 5.0
+
+
 @pytest.mark.parametrize("dared", [False, True])
-def test_what_is_far_and_doubtful_is_tried_once_that_is_a_small_share_of_the_way_driven(dared):
-    land = Land(place(9.0, 0.0, NEAR_M + 1.0))
+def test_what_is_far_and_doubtful_is_tried_again_once_that_is_a_small_share_of_the_way_driven(dared):
+    land = Land(place(9.0, 0.0, FAR_M), place(20.0, 0.0, FAR_M))
     land.dared = dared
     offers = offers_in(land)
-    assert offers.now(HERE) == ()
-    offers.learn(place(5.0, 0.0), DriveEnd.ARRIVED, AWAY, (NEAR_M + 1.1) / FAR_SHARE)
-    assert try_one(offers, land, DriveEnd.UNDERWAY, AWAY, driven_m=1.5) == land.places
+    assert try_one(offers, land, DriveEnd.ARRIVED, Pose(9.0, 0.0, 0.0), driven_m=FAR_LEAST_M)
     assert offers.now(HERE) == ()  # what it cost is spent
+    land.daring = land.doubtful = False
+    offers.learn(place(5.0, 0.0), DriveEnd.ARRIVED, AWAY, 1.01 * FAR_M / FAR_SHARE)
+    assert land.places[1] in offers.now(HERE)
+
+
+@pytest.mark.parametrize("found_m2", [0.0, DOUBTS_AGAIN_AFTER_M2])
+def test_a_shut_room_far_off_is_tried_however_little_was_driven_and_another_after_a_find(found_m2):
+    land = Land(place(9.0, 0.0, FAR_M), place(20.0, 0.0, FAR_M))
+    offers = offers_in(land)
+    assert try_one(offers, land, DriveEnd.ARRIVED, Pose(9.0, 0.0, 0.0), driven_m=FAR_LEAST_M)
+    land.free_m2 += found_m2
+    assert bool(offers.now(HERE)) == (found_m2 > 0.0)
 
 
 def test_a_robot_that_is_shut_in_dares_any_way_out():
