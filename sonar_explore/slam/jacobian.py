@@ -35,9 +35,13 @@ class Unknowns:
     @property
     def size(self) -> int:
         """How many numbers they are."""
-        return sum(
-            part.size for part in (self.poses, self.own, self.lines, self.points, self.radii, self.constants)
-        )
+        return int(self.sizes.sum())
+
+    @property
+    def sizes(self) -> NDArray[np.intp]:
+        """How many there are of each of the above, shape (6,)."""
+        parts = self.poses, self.own, self.lines, self.points, self.radii, self.constants
+        return np.array([part.size for part in parts])
 
     @property
     def first_line(self) -> int:

@@ -49,22 +49,35 @@ def _multiply(starts, columns, values, residual, ends, indices, data, slope):  #
             entries[filled[j], 0], entries[filled[j], 1] = entry, row
             filled[j] += 1
     sums, met = np.zeros(size), np.zeros(size, dtype=np.bool_)
-    touched = np.empty(size, dtype=np.int64)
-    count = 0
+    touched, below = np.empty(len(data), dtype=np.int64), np.empty(len(data))
+    tops, count = np.empty(size + 1, dtype=np.int64), 0
+    tops[0] = 0
     for j in range(size):
-        known = 0
         for k in range(first[j], first[j + 1]):
             value, row = values[entries[k, 0]], entries[k, 1]
             slope[j] += value * residual[row]
             for entry in range(starts[row], starts[row + 1]):
                 i = columns[entry]
                 if not met[i]:
-                    met[i], touched[known] = True, i
-                    known += 1
+                    met[i], touched[count] = True, i
+                    count += 1
                 sums[i] += value * values[entry]
-        for i in np.sort(touched[:known]):
+        kept = tops[j]
+        for k in range(tops[j], count):
+            i = touched[k]
             if sums[i] != 0.0:
-                indices[count], data[count] = i, sums[i]
-                count += 1
+                touched[kept], below[kept] = i, sums[i]
+                kept += 1
+                ends[i + 1] += 1
             sums[i], met[i] = 0.0, False
-        ends[j + 1] = count
+        tops[j + 1] = count = kept
+    for i in range(
+        size
+    ):  # the product is symmetric: its rows, taken in order, are its columns with sorted rows
+        ends[i + 1] += ends[i]
+    filled[:] = ends[:-1]
+    for j in range(size):
+        for k in range(tops[j], tops[j + 1]):
+            i = touched[k]
+            indices[filled[i]], data[filled[i]] = j, below[k]
+            filled[i] += 1

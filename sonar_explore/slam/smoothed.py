@@ -13,7 +13,6 @@ from sonar_explore.geometry import Pose
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.association import Association
 from sonar_explore.slam.base import ScanEntry, ScanUpdate, SlamConfig
-from sonar_explore.slam.columns import PointKind
 from sonar_explore.slam.dual import surviving
 from sonar_explore.slam.loop_closing import closed, visits
 from sonar_explore.slam.motion import MotionSum, RandomWalk
@@ -31,9 +30,9 @@ class SmoothedSlam(ChainSlam):
         super().__init__(start, config, robot)
         odometry, smoothing = config.odometry, config.smoothing
         self._smoother = Smoother(start, smoothing, (smoothing.turn_error, smoothing.bend_rad_m))
-        self._kinds: list[PointKind] = []
-        """Of every point, by its number."""
-        self._heard_at: list[tuple[int, int]] = []
+        self._kinds: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+        """`PointKind` of every point, by its number."""
+        self._heard_at: NDArray[np.intp] = np.zeros((0, 2), dtype=np.intp)
         """First and last scan that heard it."""
         self._motion = MotionSum(RandomWalk(odometry.turn_rad, odometry.drift_rad, odometry.distance_m))
 
@@ -63,7 +62,7 @@ class SmoothedSlam(ChainSlam):
             self._smoother.add_sighting(Sighting.of(update.index, chain, update.features[i], self._smear))
         for point, number in zip(self._points, met, strict=True):
             self._smoother.add_point(Sighting.of(update.index, number, point, known))
-            self._heard_at[number] = self._heard_at[number][0], update.index
+        self._heard_at[met, 1] = update.index
         self._smoother.solve()
         self._close_loops()
         self._move_everything()
@@ -83,10 +82,12 @@ class SmoothedSlam(ChainSlam):
         """The number of each point of this scan: of the one known before that it is, or a new one."""
         numbers, places = self._smoother.points()
         out = [len(self._kinds) + k for k in range(len(points))]
-        kinds = np.array(self._kinds, dtype=np.intp)
-        self._kinds += [point.kind for point in points]
-        self._heard_at += [(len(self._entries) - 1, len(self._entries) - 1)] * len(points)
-        if not len(numbers) or not points:
+        if not points:
+            return out
+        kinds = np.array([point.kind for point in points], dtype=np.intp)
+        self._kinds = np.append(self._kinds, kinds)
+        self._heard_at = np.vstack([self._heard_at, np.full((len(points), 2), len(self._entries) - 1)])
+        if not len(numbers):
             return out
         here = np.array([p.seen_from(pose, turn_error) for p in points])
         config = self.config.matching
@@ -97,7 +98,7 @@ class SmoothedSlam(ChainSlam):
         spread = self._smoother.spread(numbers, places)
         variance = 0.5 * np.trace(spread, axis1=1, axis2=2)
         prior = self._filter.covariance[:3, :3]
-        alike = np.array([point.kind for point in points])[:, None] == kinds[numbers]
+        alike = kinds[:, None] == self._kinds[numbers]
         alike &= variance <= config.sure_m**2
         found = matched(here, np.array([pose.x, pose.y]), prior, places, variance, config, alike)
         return [int(numbers[j]) if j >= 0 else new for j, new in zip(found, out, strict=True)]
@@ -108,7 +109,7 @@ class SmoothedSlam(ChainSlam):
         numbers, places = self._smoother.points()
         if not len(numbers):
             return
-        (first, last), kinds = np.array(self._heard_at)[numbers].T, np.array(self._kinds)[numbers]
+        (first, last), kinds = self._heard_at[numbers].T, self._kinds[numbers]
         recent = np.flatnonzero(first > now - config.recent)
         for old in visits(places, last, recent, now, config):
             prior = self._smoother.drift(int(np.median(last[old])))
@@ -118,13 +119,13 @@ class SmoothedSlam(ChainSlam):
             for i, j in pairs:
                 absorbed, survivor = int(numbers[recent[i]]), int(numbers[old[j]])
                 self._smoother.merge_points(survivor, absorbed)
-                self._heard_at[survivor] = self._heard_at[survivor][0], self._heard_at[absorbed][1]
+                self._heard_at[survivor, 1] = self._heard_at[absorbed, 1]
             if pairs:
                 self._smoother.solve()
                 return
 
     def _move_everything(self) -> None:
-        poses = [Pose(*map(float, row)) for row in self._smoother.poses]
+        poses = [Pose(*row) for row in self._smoother.poses.tolist()]
         self._entries = [
             ScanEntry(pose, e.scan, e.features) for pose, e in zip(poses, self._entries, strict=True)
         ]

@@ -20,10 +20,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import SuperLU, splu
 
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.slam.discs import TurnError
+from sonar_explore.slam.elimination import Elimination, Factors
 from sonar_explore.slam.features import Feature
 from sonar_explore.slam.jacobian import (
     Heard,
@@ -37,7 +37,6 @@ from sonar_explore.slam.jacobian import (
     radii_told,
 )
 from sonar_explore.slam.motion import Motion
-from sonar_explore.slam.normal_equations import normal_equations
 from sonar_explore.slam.points import Point
 
 HUBER, CAUCHY = 1.5, 2.0  # sigmas
@@ -138,7 +137,8 @@ class Smoother:
         """Points that were heard in one scan alone: they bind nothing yet."""
         self._far_off = True
         """Whether the next solution may be far from here."""
-        self._solved: tuple[SuperLU, Unknowns, dict[int, int]] | None = None
+        self._elimination = Elimination()
+        self._solved: tuple[Factors, Unknowns, dict[int, int]] | None = None
         """The factors of the last solution, the unknowns then, and which line is whose chain's."""
 
     def add_scan(self, pose: Pose, motion: Motion | None, turn: TurnError | None = None) -> None:
@@ -179,7 +179,7 @@ class Smoother:
         """A point that was heard once is in the problem from now on."""
         first = self._once.pop(number)
         self._row_of_point[number] = len(self._points)
-        self._points = np.vstack([self._points, self._place(first)])
+        self._points = np.vstack([self._points, self._places([first])])
         thick = first.radius_m > 0.0
         self._radius_of = np.append(self._radius_of, len(self.radii) if thick else -1)
         self.radii = np.append(self.radii, first.radius_m) if thick else self.radii
@@ -208,8 +208,7 @@ class Smoother:
     def points(self) -> tuple[NDArray[np.intp], Array]:
         """Number and place x y, shape (n, 2), [m], of every point so far."""
         numbers = np.array([*self._row_of_point, *self._once], dtype=np.intp)
-        once = np.array([self._place(s) for s in self._once.values()]).reshape(-1, 2)
-        return numbers, np.vstack([self._points, once])
+        return numbers, np.vstack([self._points, self._places(list(self._once.values()))])
 
     def merge(self, survivor: int, absorbed: int) -> None:
         """Two chains are one wall."""
@@ -227,12 +226,12 @@ class Smoother:
         met = self._heard_of(self._met, np.full(len(self._met), self._config.point_bearing_rad))
         if self._far_off:
             at, _ = self._converged(at, seen, met, _huber, self._config.iterations // 2)
-        at, factor = self._converged(at, seen, met, _cauchy, self._config.iterations)
+        at, factors = self._converged(at, seen, met, _cauchy, self._config.iterations)
         self._far_off = False
         self.poses, self.own, self._points, self.constants = at.poses, at.own, at.points, at.constants
         self.radii = at.radii
         self._lines = dict(zip(chains, at.lines, strict=True))
-        self._solved = factor, at, {chain: k for k, chain in enumerate(chains)}
+        self._solved = factors, at, {chain: k for k, chain in enumerate(chains)}
 
     def covariance(self, chain: int, at: Pose, normal: Array) -> Array:
         """How unsure the robot is of a chain's line: of its heading and of its place along the normal, shape (2, 2).
@@ -246,7 +245,7 @@ class Smoother:
         """
         if self._solved is None or chain not in self._solved[2]:
             return np.zeros((2, 2))
-        factor, then, line_of = self._solved
+        factors, then, line_of = self._solved
         n, k = 3 * (len(then.poses) - 1), then.first_line + 2 * line_of[chain]
         angle, _ = self._lines[chain]
         c, s = math.cos(angle), math.sin(angle)
@@ -257,13 +256,13 @@ class Smoother:
         ask[n, 1], ask[n + 1, 1], ask[n + 2, 1] = c, s, s * (at.x - last_x) - c * (at.y - last_y)
         ask[k, 1], ask[k + 1, 1] = at.y * c - at.x * s, -1.0
         ask[:, 1] *= side
-        return np.asarray(ask.T @ factor.solve(ask))
+        return np.asarray(ask.T @ factors.solve(ask))
 
     def drift(self, scan: int) -> Array:
         """How unsure the last pose is, seen from this scan: x, y [m], heading [rad], map frame, shape (3, 3)."""
         if self._solved is None:
             return np.zeros((3, 3))
-        factor, then, _ = self._solved
+        factors, then, _ = self._solved
         last = len(then.poses) - 1
         away = then.poses[last] - then.poses[scan]
         ask = np.zeros((then.size, 3))
@@ -271,7 +270,7 @@ class Smoother:
         ask[3 * scan + np.arange(3), np.arange(3)] -= 1.0
         ask[3 * scan + 2, 0] += away[1]
         ask[3 * scan + 2, 1] -= away[0]
-        return np.asarray(ask.T @ factor.solve(ask))
+        return np.asarray(ask.T @ factors.solve(ask))
 
     def spread(self, numbers: NDArray[np.intp], at: Array) -> Array:
         """How unsure these points are, seen from the last scan: covariance of x y, shape (n, 2, 2), map frame, [m2].
@@ -282,7 +281,7 @@ class Smoother:
         """
         if self._solved is None:
             return np.zeros((len(numbers), 2, 2))
-        factor, then, _ = self._solved
+        factors, then, _ = self._solved
         last, k = len(then.poses) - 1, np.arange(len(numbers))
         ask = np.zeros((then.size, len(numbers), 2))
         self._move_with(ask, np.full(len(k), last), k, at, -1.0)
@@ -293,7 +292,7 @@ class Smoother:
         once = np.flatnonzero(row < 0)
         scan = np.array([self._once[number].scan for number in numbers[once].tolist()], dtype=np.intp)
         self._move_with(ask, scan, once, at[once], 1.0)
-        half = factor.solve(ask.reshape(then.size, -1)).reshape(ask.shape)
+        half = factors.solve(ask.reshape(then.size, -1)).reshape(ask.shape)
         return np.einsum("mki,mkj->kij", ask, half)
 
     def _move_with(
@@ -308,17 +307,21 @@ class Smoother:
 
     def _converged(
         self, at: Unknowns, seen: Heard, met: Heard, robust: Robust, steps: int
-    ) -> tuple[Unknowns, SuperLU]:
+    ) -> tuple[Unknowns, Factors]:
         """Gauss-Newton until the poses stand still; the factors are of the last step."""
         n, still = len(at.poses), (self._config.still_m, self._config.still_m, self._config.still_rad)
         for _ in range(steps):
-            step, factor = self._step(at, seen, met, robust)
+            factors, slope = self._elimination.factorised(*self._rows(at, seen, met, robust), at.sizes)
+            step = factors.solve(-slope)
             at = at.moved(step)
             if (np.abs(step[: 3 * n].reshape(n, 3)) <= still).all():
                 break
-        return at, factor
+        return at, factors
 
-    def _step(self, at: Unknowns, seen: Heard, met: Heard, robust: Robust) -> tuple[Array, SuperLU]:
+    def _rows(
+        self, at: Unknowns, seen: Heard, met: Heard, robust: Robust
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
+        """The Jacobian and the residual, as `normal_equations` takes them."""
         config = self._config
         scans, turns, sigmas = np.array(self._turns).reshape(-1, 3).T
         blocks = [
@@ -333,18 +336,13 @@ class Smoother:
             radius: NDArray[np.intp] = self._radius_of[met.what]
             blocks += points_heard(at, met, radius, config.point_range_m, robust)
             blocks.append(radii_told(at, *self._radii_by_width(radius)))
-        widths = np.concatenate([np.full(len(b.columns), b.columns.shape[1]) for b in blocks])
-        normal, slope = normal_equations(
-            np.concatenate([[0], np.cumsum(widths)]),
+        widths = np.concatenate([[0], *(np.full(len(b.columns), b.columns.shape[1]) for b in blocks)])
+        return (
+            np.cumsum(widths),
             np.concatenate([b.columns.ravel() for b in blocks]),
             np.concatenate([b.values.ravel() for b in blocks]),
             np.concatenate([b.residual for b in blocks]),
-            at.size,
         )
-        factor = splu(  # symmetric and positive: no pivots, an order that keeps it sparse
-            normal, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-        )
-        return np.asarray(factor.solve(-slope)), factor
 
     def _stacked_motions(self) -> tuple[Array, ...]:
         if len(self._stacked) != 4 or len(self._stacked[0]) != len(self._motions):
@@ -371,14 +369,13 @@ class Smoother:
         error = self.constants[0] + self.own[sighting.scan]
         return float(self.poses[sighting.scan, 2] + sighting.bearing_rad + sighting.sweep_rad * error)
 
-    def _place(self, sighting: Sighting) -> tuple[float, float]:
-        """Where a point is by one scan, x y, [m]."""
-        angle, depth = (
-            self._direction(sighting),
-            sighting.range_m * (1.0 + self.constants[2]) + sighting.radius_m,
-        )
-        x, y, _ = self.poses[sighting.scan].tolist()
-        return x + depth * math.cos(angle), y + depth * math.sin(angle)
+    def _places(self, sightings: list[Sighting]) -> Array:
+        """Where points are by one scan each, x y, shape (n, 2), [m]."""
+        rows = np.array([sighting.as_row() for sighting in sightings]).reshape(-1, 7)
+        scan = rows[:, 0].astype(np.intp)
+        angle = self.poses[scan, 2] + rows[:, 2] + rows[:, 3] * (self.constants[0] + self.own[scan])
+        depth = rows[:, 4] * (1.0 + self.constants[2]) + rows[:, 6]
+        return self.poses[scan, :2] + depth[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def _huber(squared: Array) -> Array:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sonar_explore.slam.loop_closing import LoopConfig, closed, visits
+from sonar_explore.slam.loop_closing import LoopConfig, _best, _fallen, closed, visits
 
 CONFIG = LoopConfig()
 ABOUT = np.array([3.0, 2.0])
@@ -91,3 +91,90 @@ def test_old_points_are_taken_visit_by_visit_and_those_out_of_reach_or_of_late_a
     assert early.tolist() == list(range(10))
     assert later.tolist() == list(range(10, 20))
     assert visits(places, last, recent[:2], now, CONFIG) == []
+
+
+def fallen_plainly(recent, old, alike, c, s, shift, together):
+    """Every point asks the nearest that it may be, in the order of the pairs; the nearer one keeps it."""
+    owner: dict = {}
+    gap: dict = {}
+    placed = recent @ np.array([[c, s], [-s, c]]) + shift
+    for i, j in zip(*np.nonzero(alike), strict=True):
+        off = math.hypot(*(placed[i] - old[j]))
+        if off > together or off >= gap.get(i, math.inf):
+            continue
+        if j in owner and owner[j] != i and gap[owner[j]] <= off:
+            continue
+        if j in owner:
+            gap.pop(owner.pop(j), None)
+        owner = {b: a for b, a in owner.items() if a != i}
+        owner[j], gap[i] = i, off
+    return {i: j for j, i in owner.items()}, sum((off / together) ** 2 for off in gap.values())
+
+
+def best_plainly(recent, old, alike, information, config):
+    """All moves that put two points on two: the points of the best, and how many fall under the best other."""
+    tried = []
+    rows, columns = np.nonzero(alike)
+    for a in range(len(rows)):
+        for b in range(a):
+            (i, k), (j, m) = (rows[a], rows[b]), (columns[a], columns[b])
+            before, after = recent[k] - recent[i], old[m] - old[j]
+            long = math.hypot(*before)
+            if i == k or j == m or long < config.baseline_m:
+                continue
+            if abs(long - math.hypot(*after)) > config.apart_m:
+                continue
+            turn = math.atan2(before[0] * after[1] - before[1] * after[0], before @ after)
+            c, s = math.cos(turn), math.sin(turn)
+            shift = 0.5 * (old[j] + old[m]) - np.array([[c, -s], [s, c]]) @ (recent[i] + recent[k]) / 2
+            move = np.append(shift, turn)
+            price = move @ information @ move
+            if price <= config.gate:
+                owner, misfit = fallen_plainly(recent, old, alike, c, s, shift, config.together_m)
+                tried.append((len(owner) - misfit - 0.05 * price, move, owner))
+    if not tried:
+        return {}, 0
+    _, best, owner = max(tried, key=lambda found: found[0])
+    others = [
+        len(one)
+        for _, move, one in tried
+        if math.hypot(*(move - best)[:2]) > config.other_m or abs(move[2] - best[2]) > config.other_rad
+    ]
+    return owner, max(others, default=0)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seeds)
+def test_the_best_move_is_that_of_the_plain_search(seed):
+    rng, config = np.random.default_rng(seed), LoopConfig()
+    old = rng.uniform(-1.5, 1.5, (7, 2))
+    turn, shift = rng.uniform(-0.1, 0.1), rng.uniform(-0.3, 0.3, 2)
+    c, s = math.cos(turn), math.sin(turn)
+    recent = np.vstack([old[:4], rng.uniform(-1.5, 1.5, (2, 2))]) @ np.array([[c, s], [-s, c]]) + shift
+    recent += rng.normal(0, 0.02, recent.shape)
+    alike = rng.random((6, 7)) < 0.7
+    information = np.linalg.inv(WIDE)
+    limits = np.array(
+        [config.together_m, config.apart_m, config.baseline_m, config.gate, config.other_m, config.other_rad]
+    )
+    pairs = np.empty(len(recent), dtype=np.int64)
+    rows, columns = np.nonzero(alike)
+    most, second = _best(recent, old, rows, columns, information, limits, pairs)
+    owner, expected = best_plainly(recent, old, alike, information, config)
+    assert {i: j for i, j in enumerate(pairs.tolist()) if j >= 0} == owner
+    assert (most, second) == (len(owner), expected)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seeds)
+def test_what_falls_on_what_is_what_the_plain_search_says(seed):
+    rng = np.random.default_rng(seed)
+    old = rng.uniform(-0.4, 0.4, (6, 2))  # so near to one another that they are in dispute
+    recent = old[rng.integers(6, size=8)] + rng.normal(0, 0.1, (8, 2))
+    alike, together, (c, s) = rng.random((8, 6)) < 0.8, 0.3, (math.cos(0.05), math.sin(0.05))
+    here, taken, gap = np.empty(8, dtype=np.int64), np.empty(6, dtype=np.int64), np.empty(8)
+    rows, columns = np.nonzero(alike)
+    count, misfit = _fallen(recent, old, rows, columns, c, s, 0.02, -0.01, together, here, taken, gap)
+    owner, expected = fallen_plainly(recent, old, alike, c, s, np.array([0.02, -0.01]), together)
+    assert {i: j for i, j in enumerate(here.tolist()) if j >= 0} == owner
+    assert count == len(owner) and misfit == pytest.approx(expected)
