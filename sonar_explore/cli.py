@@ -5,6 +5,7 @@ Only click is imported here; everything heavy waits until a command needs it.
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -21,10 +22,12 @@ from sonar_explore.studies.commands import STUDY_COMMANDS
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130  # what shells report for Ctrl-C
 EXIT_BROKEN_PIPE = 141  # and for a reader that went away
+COLLECT_EVERY = 100_000  # new objects; looking for garbage oftener makes a first run, which compiles, slower
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; every failure that a user can cause is one line on stderr."""
+    gc.set_threshold(COLLECT_EVERY)
     try:
         status = commands.main(arguments, prog_name="sonar-explore", standalone_mode=False)
         sys.stdout.flush()

@@ -13,6 +13,8 @@ Spans = NDArray[np.int64]
 
 def changed_spans(before: NDArray[np.generic], after: NDArray[np.generic], within: int) -> Spans:
     """What of each row has a cell that differs within so many rows and columns."""
+    if after.dtype == np.bool_:  # masks as bytes, as the states of cells are: compiled once for both
+        before, after = before.view(np.uint8), after.view(np.uint8)
     return np.asarray(_changed_spans(before, after, within))
 
 
@@ -29,7 +31,8 @@ def box_of(spans: Spans) -> tuple[slice, slice] | None:
 def _changed_spans(before, after, within):  # type: ignore[no-untyped-def]
     rows, columns = after.shape
     spans = np.empty((rows, 2), dtype=np.int64)
-    spans[:, 0], spans[:, 1] = columns, -1
+    for row in range(rows):
+        spans[row, 0], spans[row, 1] = columns, -1
     for row in range(rows):
         differ = 0
         for column in range(columns):

@@ -70,9 +70,11 @@ def _distances(to, down, squares, less, cell_m, out):  # type: ignore[no-untyped
         for c in range(columns):
             down[r, c] = min(down[r, c], down[r + 1, c] + 1)
     envelope = np.empty((2, columns), dtype=np.int32)
+    # a plain 0 is a constant: what it is handed to would be compiled twice
+    first, last = np.int64(0), columns - 1
     for r in range(rows):
-        _along(down[r], far, 0, columns - 1, 0, columns - 1, envelope, squares[r])
-        _root(squares[r], less, cell_m, 0, columns - 1, out[r])
+        _along(down[r], far, first, last, first, last, envelope, squares[r])
+        _root(squares[r], less, cell_m, first, last, out[r])
 
 
 @kernel

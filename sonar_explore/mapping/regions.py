@@ -75,7 +75,9 @@ def labelled(cells: Cells) -> NDArray[np.int64]:
         return np.zeros(0, dtype=np.int64)
     first = cells.min(axis=0)
     rows, columns = (cells.max(axis=0) - first + 1).tolist()
-    return np.asarray(_label(cells - first, rows, columns))
+    regions = np.full(len(cells), -1)
+    _label(cells - first, np.full((rows, columns), -1, dtype=np.int32), regions)
+    return regions
 
 
 @kernel
@@ -112,9 +114,8 @@ def _fill(mask, most):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _label(cells, rows, columns):  # type: ignore[no-untyped-def]
-    regions = np.full(len(cells), -1)
-    index = np.full((rows, columns), -1, dtype=np.int32)
+def _label(cells, index, regions):  # type: ignore[no-untyped-def]
+    rows, columns = index.shape
     for i in range(len(cells)):
         index[cells[i, 0], cells[i, 1]] = i
     queue = np.empty(len(cells), dtype=np.int64)
@@ -134,4 +135,3 @@ def _label(cells, rows, columns):  # type: ignore[no-untyped-def]
                         queue[count], regions[i] = i, region
                         count += 1
         region += 1
-    return regions

@@ -40,7 +40,9 @@ def spread_costs(
 
     Nothing is looked at outside the window, and no way leads out of it.
     """
-    first_row, end_row, first_column, end_column, more = _spread(cost, *start, window, most, out)
+    first_row, end_row, first_column, end_column, more = _spread(
+        cost.reshape(-1), cost.shape[1], *start, window, most, out.reshape(-1)
+    )
     return (first_row, end_row, first_column, end_column), more
 
 
@@ -57,16 +59,18 @@ def cheapest_way(cost: Array, costs: Array, end: tuple[int, int], reached: Windo
 
 
 @kernel
-def _spread(cost, row, column, window, most, out):  # type: ignore[no-untyped-def]
-    """Bucket k holds the cells between k and k + 1 away. No step costs less than 1: they all are final at once."""
+def _spread(costs, columns, row, column, window, most, outs):  # type: ignore[no-untyped-def]
+    """Bucket k holds the cells between k and k + 1 away. No step costs less than 1: they all are final at once.
+
+    `costs` and `outs` are row after row of so many columns.
+    """
     first_row, end_row, first_column, end_column = window
-    columns = cost.shape[1]
     dearest, open_cells = 1.0, 0
     for r in range(first_row, end_row):
-        for c in range(first_column, end_column):
-            out[r, c] = np.inf
-            if cost[r, c] < np.inf:
-                dearest = max(dearest, cost[r, c])
+        for at in range(r * columns + first_column, r * columns + end_column):
+            outs[at] = np.inf
+            if costs[at] < np.inf:
+                dearest = max(dearest, costs[at])
                 open_cells += 1
     size = 4  # of the round of buckets: a power of two, so that a mask finds the place in it
     while size < math.ceil(_SQRT2 * dearest) + 2:
@@ -74,7 +78,6 @@ def _spread(cost, row, column, window, most, out):  # type: ignore[no-untyped-de
     buckets = np.full(size, -1)
     cells = np.empty(8 * open_cells + 1, dtype=np.int32)
     following = np.empty(8 * open_cells + 1, dtype=np.int32)
-    costs, outs = cost.ravel(), out.ravel()
     cells[0], following[0], buckets[0] = row * columns + column, -1, 0
     outs[cells[0]] = 0.0
     used = waiting = 1

@@ -155,10 +155,11 @@ def _agree(walls, others, limits, things, alone, sums):  # type: ignore[no-untyp
     The columns are those of what one disc heard, but for the number of discs in place of the disc's, in both.
     """
     n = len(walls)
-    distance, disc = np.full((n, n), np.inf), np.empty(n, dtype=np.int64)
+    distance, disc = np.empty((n, n)), np.empty(n, dtype=np.int64)
     for i in range(n):
         disc[i] = int(walls[i, DISC])
         for j in range(n):
+            distance[i, j] = np.inf
             farther = abs(walls[i, RANGE] - walls[j, RANGE]) / limits[2]
             if farther <= 1.0:
                 turned = abs(wrapped(walls[i, BEARING] - walls[j, BEARING])) / limits[1]

@@ -125,13 +125,14 @@ def _best_pair(misfits, root_probability, fits, most):  # type: ignore[no-untype
     """
     n = len(root_probability)
     for kind in range(2):
-        edges = np.zeros(n, dtype=np.int64)
+        edges, most_edges = np.zeros(n, dtype=np.int64), 0
         for i in range(n):
             for j in range(n):
                 fits[kind, i, j] = misfits[kind, i, j] <= 1.0 + SLACK
                 edges[i] += fits[kind, i, j]
+            most_edges = max(most_edges, edges[i])
         for i in range(n):
-            most[kind, i] = edges[i] == edges.max()
+            most[kind, i] = edges[i] == most_edges
     angle = distance = -1
     best, least, trusted = -1, np.inf, 0.0
     off, trust = np.empty(n), np.empty(n)

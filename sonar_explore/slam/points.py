@@ -131,10 +131,11 @@ def _agreed(heard, bearings, limits, points, sums):  # type: ignore[no-untyped-d
     """Bearing, range, sweep, discs, width and distance from the discs of each point into `points`: how many; what
     enough discs heard, one row a disc, is one where it is no plane's foot."""
     n = len(heard)
-    distance, disc = np.full((n, n), np.inf), np.empty(n, dtype=np.int64)
+    distance, disc = np.empty((n, n)), np.empty(n, dtype=np.int64)
     for i in range(n):
         disc[i] = int(heard[i, 0])
         for j in range(i + 1):
+            distance[i, j] = distance[j, i] = np.inf
             dx, dy = abs(heard[i, 1] - heard[j, 1]), abs(heard[i, 2] - heard[j, 2])
             if dx <= limits[1] and dy <= limits[1]:
                 off = np.hypot(dx, dy)

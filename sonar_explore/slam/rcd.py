@@ -183,7 +183,7 @@ def regions(bearings, ranges, lever_m, lever_rad, range_max, tolerance, tie, row
         first, last = around[0, readings[k, 0]], around[0, readings[k, 0] + readings[k, 1] - 1]
         turns = 2.0 * math.pi * np.rint(0.5 * (first + last) / (2.0 * math.pi))
         rows[k, 0], rows[k, 1] = first - turns, last - turns
-        rows[k, 2], rows[k, 3] = depths[k]
+        rows[k, 2], rows[k, 3] = depths[k, 0], depths[k, 1]
     return count
 
 
@@ -245,10 +245,13 @@ def _may_be_constant(bearings, ranges, lever_m, lever_rad, joined, tolerance, ma
         follow = min(n, follow + 1) if joined[start] else 1
         if start < n:
             together[start] = follow
-    low, high = ranges[:n].copy(), ranges[:n].copy()  # of the readings of each run
-    slope, swing, one_disc = abs(math.sin(lever_rad[0])), 2.0 * lever_m.max(), True
-    for i in range(1, n):
+    low, high = np.empty(n), np.empty(n)  # of the readings of each run
+    slope, longest, one_disc = abs(math.sin(lever_rad[0])), lever_m[0], True
+    for i in range(n):
+        low[i] = high[i] = ranges[i]
+        longest = max(longest, lever_m[i])
         one_disc = one_disc and lever_m[i] == lever_m[0] and lever_rad[i] == lever_rad[0]
+    swing = 2.0 * longest
     for length in range(2, n + 1):
         some = False
         for start in range(n):

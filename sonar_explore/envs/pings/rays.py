@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from sonar_explore.compiled import inner_kernel
-from sonar_explore.envs.pings.arrays import AX, AY, EX, EY, NONE
+from sonar_explore.envs.pings.arrays import AX, AY, EX, EY, NONE, START
 from sonar_explore.envs.pings.geometry import crossing, mirrored_heading
 from sonar_explore.envs.pings.rows import find_met, listed
 
@@ -56,7 +56,7 @@ def first_on_the_way(px, py, dx, dy, blur, near_walls, rows, places, allowed, sk
 
     `places` is room to work in.
     """
-    n, kept = len(near_walls), 0
+    n, kept = len(near_walls), START
     find_met(px, py, dx, dy, blur, n, rows)
     for j in range(listed(n, rows, places)):
         i = near_walls[places[j]]
