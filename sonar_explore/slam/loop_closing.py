@@ -28,6 +28,9 @@ class LoopConfig:
     """So many points must fall on old ones."""
     ahead: int = 2
     """And so many more than under any other move."""
+    strain: float = 5.0
+    """All that was heard may fit worse by so much for each of these points, in squared standard deviations; else they
+    are parted again. Bearing and range of five true ones cost 10 together, and more than 25 with a chance of 0.5 %."""
     together_m: float = 0.08
     """What falls on an old point is no farther from it, [m]."""
     apart_m: float = 0.06

@@ -116,13 +116,20 @@ class SmoothedSlam(ChainSlam):
             alike = kinds[recent][:, None] == kinds[old][None]
             about = self._smoother.poses[-1, :2]
             pairs = closed(places[recent], places[old], alike, about, prior, config)
-            for i, j in pairs:
-                absorbed, survivor = int(numbers[recent[i]]), int(numbers[old[j]])
-                self._smoother.merge_points(survivor, absorbed)
-                self._heard_at[survivor, 1] = self._heard_at[absorbed, 1]
             if pairs:
-                self._smoother.solve()
+                same = [(int(numbers[old[j]]), int(numbers[recent[i]])) for i, j in pairs]
+                self._put_together(same)
                 return
+
+    def _put_together(self, same: Sequence[tuple[int, int]]) -> None:
+        """Points (survivor, absorbed), unless what was heard, of these and all others, then fits much worse."""
+        before, heard_at = self._smoother.copy(), self._heard_at.copy()
+        for survivor, absorbed in same:
+            self._smoother.merge_points(survivor, absorbed)
+            self._heard_at[survivor, 1] = self._heard_at[absorbed, 1]
+        self._smoother.solve()
+        if self._smoother.misfit() - before.misfit() > self.config.loops.strain * len(same):
+            self._smoother, self._heard_at = before, heard_at
 
     def _move_everything(self) -> None:
         poses = [Pose(*row) for row in self._smoother.poses.tolist()]

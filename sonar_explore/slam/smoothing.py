@@ -16,6 +16,7 @@ Gauss-Newton with a robust loss (Huber, then Cauchy), so that a false merge bend
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -218,20 +219,48 @@ class Smoother:
 
     def solve(self) -> None:
         """Move poses, lines, points and wheels to where everything agrees best."""
-        chains = sorted(self._lines)
-        lines = np.array([self._lines[chain] for chain in chains]).reshape(-1, 2)
-        at = Unknowns(self.poses, self.own, lines, self._points, self.radii, self.constants)
-        seen = self._heard_of(self._seen, self._bearing_sigma(self._seen[:, 5]))
-        seen.what[:] = np.searchsorted(chains, seen.what)
-        met = self._heard_of(self._met, np.full(len(self._met), self._config.point_bearing_rad))
+        at, seen, met = self._problem()
         if self._far_off:
             at, _ = self._converged(at, seen, met, _huber, self._config.iterations // 2)
         at, factors = self._converged(at, seen, met, _cauchy, self._config.iterations)
         self._far_off = False
         self.poses, self.own, self._points, self.constants = at.poses, at.own, at.points, at.constants
         self.radii = at.radii
+        chains = sorted(self._lines)
         self._lines = dict(zip(chains, at.lines, strict=True))
         self._solved = factors, at, {chain: k for k, chain in enumerate(chains)}
+
+    def misfit(self) -> float:
+        """Of all walls and points as heard, as things stand: the sum of Cauchy's loss, in squared sigmas."""
+        found: list[float] = []
+
+        def summed(squared: Array) -> Array:
+            found.append(float(np.log1p(squared / CAUCHY**2).sum()))
+            return np.zeros_like(squared)
+
+        self._rows(*self._problem(), summed)
+        return CAUCHY**2 * sum(found)
+
+    def copy(self) -> Smoother:
+        """As it is now, whatever is added to this one or merged in it."""
+        out = copy(self)
+        out._met = self._met.copy()
+        out._seen = self._seen.copy()
+        out._radius_of = self._radius_of.copy()
+        out._lines, out._once = dict(self._lines), dict(self._once)
+        out._row_of_point = dict(self._row_of_point)
+        out._turns, out._motions = list(self._turns), list(self._motions)
+        out._elimination = copy(self._elimination)
+        return out
+
+    def _problem(self) -> tuple[Unknowns, Heard, Heard]:
+        """The unknowns as they are, and walls and points as heard, by the row of each."""
+        chains = sorted(self._lines)
+        lines = np.array([self._lines[chain] for chain in chains]).reshape(-1, 2)
+        at = Unknowns(self.poses, self.own, lines, self._points, self.radii, self.constants)
+        seen = self._heard_of(self._seen, self._bearing_sigma(self._seen[:, 5]))
+        seen.what[:] = np.searchsorted(chains, seen.what)
+        return at, seen, self._heard_of(self._met, np.full(len(self._met), self._config.point_bearing_rad))
 
     def covariance(self, chain: int, at: Pose, normal: Array) -> Array:
         """How unsure the robot is of a chain's line: of its heading and of its place along the normal, shape (2, 2).

@@ -410,3 +410,41 @@ def test_smoothed_ends_nearer_the_truth_than_chain_and_both_than_dead_reckoning(
         np.mean([final_error(name, *run) for run in logs]) for name in ("smoothed", "chain", "off")
     )
     assert smoothed < chain < off
+
+
+def all_pillars_heard(split=0):
+    """A smoother that heard the pillars all the way, under other numbers, by `split` more, in the second half."""
+    poses, motions = loop()
+    out = smoother(poses, motions, np.random.default_rng(0))
+    for i, p in enumerate(poses):
+        for s in pillars_seen(i, p):
+            out.add_point(replace(s, what=s.what + split * (i > len(poses) // 2)))
+    for _ in range(4):
+        out.solve()
+    return out
+
+
+def test_putting_points_together_costs_nothing_where_they_are_the_same_and_much_where_they_are_not():
+    out = all_pillars_heard(split=50)
+    before, false = out.misfit(), out.copy()
+    for number in range(10, 14):
+        out.merge_points(number, number + 50)
+    out.solve()
+    assert out.misfit() == pytest.approx(before, abs=1.0)
+    false.merge_points(10, 62)
+    false.solve()
+    assert false.misfit() > before + 25.0
+
+
+def test_a_copy_stays_as_it_was_whatever_becomes_of_the_other():
+    out, other = all_pillars_heard(), all_pillars_heard()
+    kept = out.copy()
+    out.merge_points(10, 12)
+    out.merge(0, 2)
+    out.add_scan(Pose(1.0, 1.0, 0.0), loop()[1][0])
+    out.add_point(Sighting(0, 99, 0.4, 0.0, 1.0))
+    out.solve()
+    for one in (kept, other):
+        one.solve()
+    assert (kept.poses == other.poses).all() and (kept.points()[1] == other.points()[1]).all()
+    assert kept.misfit() == other.misfit() != out.misfit()
