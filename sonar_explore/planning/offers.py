@@ -23,14 +23,12 @@ DOUBTS = 12  # places gone to by a map that believes less, after nothing is left
 DOUBTS_AGAIN_AFTER_M2 = 4.0  # [m2] of free space found: as many again
 DOUBT_AREA_M2 = 0.5  # new area for which that is worth it,
 DOUBT_AREA_PER_M = 0.15  # [m2/m], and for each metre of the way
-DOUBT_AREA_ENOUGH_M2 = 1.5  # more makes no way worth it: outside the walls there is any amount of it
+DOUBT_AREA_ENOUGH_M2 = 1.5  # more counts for nothing, outside is any amount: so none leads beyond 10 m
 DOUBTED_M = 0.75  # places nearer to one that was tried so are not tried again
 SECOND_CHANCE_AFTER_M2 = 4.0  # of free space found since the last one
 LOOP_TRIPS = 12  # drives to close loops
 LOOP_GOAL_M = 0.3  # nearer to where two of them went, none is sent any more
-FAR_SHARE = (
-    0.05  # of the way driven may be spent on daring and doubts farther off: they seldom find anything;
-)
+FAR_SHARE = 0.05  # of the way driven may be spent on daring and doubts farther off: they seldom find much;
 FAR_LEAST_M = 20.0  # [m], and so much from each find on: a room may be left behind a door that looks shut
 SAME_PLACE_M = 0.05  # nearer to a place put aside is that place: elsewhere the robot has stood
 

@@ -19,8 +19,9 @@ from sonar_explore.slam.motion import MotionSum, RandomWalk
 from sonar_explore.slam.point_matching import matched
 from sonar_explore.slam.points import Point
 from sonar_explore.slam.residuals import Residuals
+from sonar_explore.slam.sighting import Sighting
 from sonar_explore.slam.slam import ChainSlam, turn_of
-from sonar_explore.slam.smoothing import Sighting, Smoother
+from sonar_explore.slam.smoothing import Smoother
 
 
 class SmoothedSlam(ChainSlam):

@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.slam.discs import TurnError
 from sonar_explore.slam.elimination import Elimination, Factors
-from sonar_explore.slam.features import Feature
 from sonar_explore.slam.jacobian import (
     Heard,
     Robust,
@@ -38,7 +37,7 @@ from sonar_explore.slam.jacobian import (
     radii_told,
 )
 from sonar_explore.slam.motion import Motion
-from sonar_explore.slam.points import Point
+from sonar_explore.slam.sighting import Sighting
 
 HUBER, CAUCHY = 1.5, 2.0  # sigmas
 
@@ -73,36 +72,6 @@ class SmoothingConfig:
     """A step that moves no scan farther is the last, [m]."""
     still_rad: float = 0.001
     """Nor turns any by more, [rad]."""
-
-
-@dataclass(frozen=True)
-class Sighting:
-    """A wall on a chain, or a point, as one scan heard it."""
-
-    scan: int
-    what: int
-    """The chain, or the number of the point."""
-    bearing_rad: float
-    """Of the normal or of the point, as the odometry has it, robot frame at the start of the scan, [rad]."""
-    sweep_rad: float
-    """How far the robot had turned when it heard it, signed, [rad]."""
-    range_m: float
-    """[m]"""
-    discs: int = 1
-    """How many discs heard it."""
-    radius_m: float = 0.0
-    """Of a column, as its width tells it; 0 for a thin point, and for a wall, [m]."""
-
-    @classmethod
-    def of(cls, scan: int, what: int, heard: Feature | Point, turn_error: float) -> Sighting:
-        """As the odometry has it; the bearing that was heard is already free of this relative error of the turn."""
-        bearing = heard.bearing_rad - heard.sweep_rad * turn_error
-        radius = heard.radius_m if isinstance(heard, Point) else 0.0
-        return cls(scan, what, bearing, heard.sweep_rad, heard.range_m, heard.discs, radius)
-
-    def as_row(self) -> tuple[float, ...]:
-        """The same as numbers, in this order."""
-        return self.scan, self.what, self.bearing_rad, self.sweep_rad, self.range_m, self.discs, self.radius_m
 
 
 class Smoother:

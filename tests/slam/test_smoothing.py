@@ -13,7 +13,8 @@ from sonar_explore.envs.world import World
 from sonar_explore.geometry import Pose, wrap_angle
 from sonar_explore.slam import jacobian, make_slam
 from sonar_explore.slam.motion import MotionSum, RandomWalk
-from sonar_explore.slam.smoothing import Sighting, Smoother, SmoothingConfig
+from sonar_explore.slam.sighting import Sighting
+from sonar_explore.slam.smoothing import Smoother, SmoothingConfig
 
 WALK = RandomWalk(math.radians(1.5), math.radians(0.7), 0.03)
 WHEELS = (0.007, math.radians(1.0))

@@ -26,8 +26,9 @@ from sonar_explore.slam.agreement import AgreementConfig, Extraction, extract
 from sonar_explore.slam.features import Feature, FeatureConfig, FeatureKind
 from sonar_explore.slam.motion import Motion, MotionSum, RandomWalk
 from sonar_explore.slam.points import Point
+from sonar_explore.slam.sighting import Sighting
 from sonar_explore.slam.slam import turn_of
-from sonar_explore.slam.smoothing import Sighting, Smoother, SmoothingConfig
+from sonar_explore.slam.smoothing import Smoother, SmoothingConfig
 from sonar_explore.studies.compare.drives import Drive
 
 TOUCH_M, STRAIGHT_RAD = 0.002, math.radians(0.5)
