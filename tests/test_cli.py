@@ -211,6 +211,21 @@ def test_a_world_file_names_a_folder_of_one_level(folder: Path) -> None:
     )
 
 
+def test_no_choice_overwrites_the_run_of_another(
+    capsys: Capture, folder: Path, runner: SimpleNamespace
+) -> None:
+    choices: list[list[str]] = [
+        [],
+        ["--scan", "ring"],
+        ["--sensor", "nxt"],
+        ["--max-scans", "5"],
+        ["--seed", "1"],
+    ]
+    for choice in choices:
+        assert cli.main(["run", "loop", *choice]) == 0
+    assert len(list((folder / "runs").iterdir())) == len(choices)
+
+
 @pytest.mark.parametrize(
     ("world", "named"),
     [

@@ -68,7 +68,8 @@ def run(
     """Explore WORLD, a name or a world file, and report on it."""
     from sonar_explore.episodes.files import save_record, writable_folder
 
-    folder = out or default_folder(world, agent, slam, noise, seed, scan)
+    chosen = _not_default(scan, sensor, max_scans)
+    folder = out or default_folder(world, agent, slam, noise, seed, *chosen)
     with writable_folder(folder):
         config = _config(max_scans, scan, sensor)
         with _recorder(log, sensor) as recorder:
@@ -130,10 +131,15 @@ def export(episode: Path, tum: Path | None, truth: Path | None, map_name: Path |
         click.echo(f"map: {settings}, {image}")
 
 
-def default_folder(world: str, agent: str, slam: str, noise: str, seed: int, scan: str = "turn") -> Path:
-    """`runs/<world>-<agent>-<slam>-<noise>[-ring]-<seed>`, one folder deep whatever the world is called."""
-    parts = (world, agent, slam, noise, *(() if scan == "turn" else (scan,)), str(seed))
-    name = "-".join(parts)
+def _not_default(scan: str, sensor: str, max_scans: int | None) -> tuple[str, ...]:
+    """What else was chosen, for the name of the folder: another choice is another run."""
+    scans = () if max_scans is None else (f"{max_scans}-scans",)
+    return tuple(name for name in (scan, sensor) if name not in ("turn", "amigobot")) + scans
+
+
+def default_folder(world: str, agent: str, slam: str, noise: str, seed: int, *chosen: str) -> Path:
+    """`runs/<world>-<agent>-<slam>-<noise>[-ring][-nxt][-9-scans]-<seed>`, one folder whatever the world is called."""
+    name = "-".join((world, agent, slam, noise, *chosen, str(seed)))
     return Path("runs") / "".join("-" if c in NOT_IN_A_NAME else c for c in name.strip("/."))
 
 
