@@ -11,10 +11,11 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
+from numpy.typing import NDArray
 
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.geometry import Array, Pose, wrap_angle
+from sonar_explore.mapping.grid import Mask
 
 NEAREST_M = 0.15  # the dead zone
 FARTHEST_M = 1.2  # beyond, the echoes of an edge spread as far as those of a wall
@@ -65,21 +66,40 @@ def walls_along(feet: Array, axes_rad: Array) -> Array:
         feet: x y of the echoes if they came from on the axis, shape (n, 2), [m].
         axes_rad: from the disc to them, shape (n,), [rad].
     """
-    normals = _along(axes_rad)
-    off = feet[None] - feet[:, None]
-    across = (off * normals[:, None]).sum(axis=2)
-    along = off[..., 1] * normals[:, None, 0] - off[..., 0] * normals[:, None, 1]
-    turned = wrap_angle(axes_rad[None] - axes_rad[:, None])
-    in_line = (np.abs(across) <= LINE_M) & (np.abs(turned) <= TURN_RAD)
+    x, y = feet.T
+    normal_x, normal_y = _along(axes_rad).T
+    off_x, off_y = x[None] - x[:, None], y[None] - y[:, None]
+    across = off_x * normal_x[:, None] + off_y * normal_y[:, None]
+    along = off_y * normal_x[:, None] - off_x * normal_y[:, None]
     least, most = BESIDE_M
-    one_side, other_side = (
-        (in_line & (side >= least) & (side <= most)).any(axis=1) for side in (along, -along)
-    )
-    sure = np.flatnonzero(one_side & other_side)
-    joined = (in_line & (np.abs(along) <= JOINED_M))[np.ix_(sure, sure)]
-    count, wall = connected_components(joined, directed=False)
-    pieces = [_piece(feet[sure[wall == k]], axes_rad[sure[wall == k]]) for k in range(count)]
+    foot, other = np.nonzero((np.abs(across) <= LINE_M) & (np.abs(along) <= most))
+    in_line = np.abs(wrap_angle(axes_rad[other] - axes_rad[foot])) <= TURN_RAD
+    foot, other = foot[in_line], other[in_line]
+    along = along[foot, other]
+    both_sides = np.ones(len(feet), dtype=bool)
+    for side in (along, -along):
+        both_sides &= np.bincount(foot[(side >= least) & (side <= most)], minlength=len(feet)) > 0
+    sure = np.flatnonzero(both_sides)
+    if not len(sure):
+        return np.zeros((0, 4))
+    joined = np.zeros((len(feet), len(feet)), dtype=bool)
+    near = np.abs(along) <= JOINED_M
+    joined[foot[near], other[near]] = True
+    wall = joined_groups(joined[np.ix_(sure, sure)])
+    pieces = [_piece(feet[sure[wall == k]], axes_rad[sure[wall == k]]) for k in np.unique(wall)]
     return np.vstack([np.zeros((0, 4)), *pieces])
+
+
+def joined_groups(joined: Mask) -> NDArray[np.int64]:
+    """The first of those that each is joined to, directly or by others, in either direction, shape (k,)."""
+    joined = joined | joined.T
+    first = np.arange(len(joined))
+    while True:
+        lower = np.where(joined, first, len(first)).min(axis=1)
+        lower = lower[lower]
+        if (lower == first).all():
+            return first
+        first = lower
 
 
 def _piece(feet: Array, axes_rad: Array) -> Array:

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse.csgraph import connected_components
 
 from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.envs.simulator import Simulator, SimulatorConfig
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Pose
 from sonar_explore.planning.driving import Driver, DrivingConfig
-from sonar_explore.planning.passing import HALF_LENGTH_M, walls_along
+from sonar_explore.planning.passing import HALF_LENGTH_M, joined_groups, walls_along
 
 CONFIG = SimulatorConfig(noise=noise_preset("ideal"))
 UP = 0.5 * math.pi
@@ -93,3 +94,13 @@ def test_what_was_passed_is_forgotten_once_a_scan_was_taken():
     assert len(driver.walls_passed())
     driver.forget()
     assert driver.walls_passed().shape == (0, 4)
+
+
+@given(st.integers(1, 30), st.integers(0, 60), st.integers(0, 2**32 - 1))
+def test_echoes_are_of_one_wall_where_others_between_them_join_them(count, links, seed):
+    rng = np.random.default_rng(seed)
+    joined = np.eye(count, dtype=bool)
+    joined[rng.integers(count, size=links), rng.integers(count, size=links)] = True
+    wall = joined_groups(joined)
+    _, expected = connected_components(joined, directed=False)
+    np.testing.assert_array_equal(np.unique(wall, return_inverse=True)[1], expected)
