@@ -129,20 +129,24 @@ def world(file: str, out: Path | None, as_json: bool) -> None:
     FILE?resolution=0.02 says how many metres a pixel is, FILE?start=1.5,2,90 where the robot starts.
     """
     from sonar_explore.envs import survey
-    from sonar_explore.envs.load import load_world
+    from sonar_explore.envs.load import assumed_scale, load_world
 
     read = load_world(file)
     found = survey.survey(read)
     if out is not None:
         from sonar_explore.envs.plan_picture import save_picture
+        from sonar_explore.episodes.files import writable_files
 
-        save_picture(read, found, out)
+        with writable_files(out):
+            save_picture(read, found, out)
     if as_json:
         import json
 
         click.echo(json.dumps(survey.as_json(read, found)))
         return
     click.echo(survey.as_text(read, found))
+    if assumed := assumed_scale(file):
+        click.echo(f"  {'scale':16s}{assumed}")
     if out is not None:
         click.echo(f"picture: {out}")
 

@@ -74,6 +74,11 @@ SENSORS: dict[str, Sensor] = {
 }
 
 
+def sensor_name(sonar: SonarPhysics) -> str:
+    """The first sensor that sounds like this; `custom` where none does."""
+    return next((name for name, sensor in SENSORS.items() if sensor.sonar == sonar), "custom")
+
+
 def sensor_preset(name: str) -> Sensor:
     """The sensor of this name."""
     if name not in SENSORS:

@@ -155,7 +155,7 @@ def test_an_export_that_cannot_be_written_whole_is_not_begun(
     capsys.readouterr()
     before = tree(folder)
     (folder / "taken.yaml").mkdir()
-    for last in (["--map", "none/map"], ["--truth", "none/true.txt"], ["--map", "taken"]):
+    for last in (["--map", "/dev/null/map"], ["--truth", "/dev/null/true.txt"], ["--map", "taken"]):
         assert_refused(capsys, ["export", "a/episode.json", "--tum", "way.txt", *last], "cannot write")
     assert tree(folder) == [*before, "taken.yaml"]
 
@@ -278,12 +278,23 @@ def test_the_report_is_made_again_from_the_record_alone(
     assert (folder / "again.html").read_bytes() == first
 
 
-def test_a_report_into_a_folder_that_is_not_there_is_refused(
+def test_folders_that_are_missing_are_made_whatever_is_written(
+    capsys: Capture, folder: Path, runner: SimpleNamespace
+) -> None:
+    cli.main(["run", "loop", "--out", "a"])
+    assert cli.main(["export", "a/episode.json", "--tum", "b/way.txt", "--map", "c/d/map"]) == 0
+    assert cli.main(["report", "a/episode.json", "--out", "e/page.html"]) == 0
+    assert {"b/way.txt", "c/d/map.yaml", "c/d/map.pgm", "e/page.html"} <= set(tree(folder))
+
+
+def test_a_report_into_a_folder_that_cannot_be_is_refused(
     capsys: Capture, folder: Path, runner: SimpleNamespace
 ) -> None:
     cli.main(["run", "loop", "--out", "a"])
     capsys.readouterr()
-    assert_refused(capsys, ["report", "a/episode.json", "--out", "b/page.html"], "cannot write b/page.html")
+    assert_refused(
+        capsys, ["report", "a/episode.json", "--out", "a/episode.json/b/page.html"], "cannot write"
+    )
 
 
 def test_worlds_and_generators_are_listed_as_a_table_and_as_json(

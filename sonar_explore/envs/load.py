@@ -84,6 +84,16 @@ def load_world(
     raise SonarExploreError(f"{known}, {GENERATED}..., or a file that ends in {', '.join(_READERS)}")
 
 
+def assumed_scale(name: str) -> str:
+    """What was taken for the scale of a drawing that leaves it open; empty where nothing was."""
+    from sonar_explore.envs.readers.image import DEFAULT_RESOLUTION_M
+
+    file, options = _split_options(name)
+    if Path(file).suffix.lower() not in (".png", ".pgm") or "resolution" in options:
+        return ""
+    return f"{DEFAULT_RESOLUTION_M:g} m a pixel is assumed; FILE?resolution=... says another"
+
+
 def is_generator(name: object) -> bool:
     """Whether the name stands for ever new worlds: `generated/office`, and not `generated/office-17`."""
     if not isinstance(name, str) or not name.startswith(GENERATED):

@@ -249,7 +249,10 @@ def as_text(world: World, found: Survey) -> str:
         ("start", f"({world.start.x:.2f}, {world.start.y:.2f}) m, {heading:.0f} deg"),
         ("free area", f"{found.free_area_m2:.1f} m2"),
         ("within reach", f"{found.reached_area_m2:.1f} m2, {100 * found.reached_share:.1f} %"),
-        ("narrow passages", f"{found.doors} up to {DOOR_MAX_M:.1f} m; the narrowest of all: {narrowest}"),
+        (
+            "narrow passages",
+            f"{found.doors} no wider than {DOOR_MAX_M:.1f} m; the narrowest of all: {narrowest}",
+        ),
         ("loops", str(found.loops)),
         *(("warning", warning) for warning in found.warnings),
     ]

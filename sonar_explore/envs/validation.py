@@ -55,7 +55,7 @@ def _check_numbers(world: World) -> None:
         if not sane.all():
             row = int(np.argwhere(~sane)[0, 0])
             raise SonarExploreError(
-                f"{world.name}: {what}[{row}] is no place in metres: {array[row].tolist()}"
+                f"{world.name}: {what}[{row}] is no place in metres: ({', '.join(f'{v:g}' for v in array[row])})"
             )
     if world.roughness.shape != (len(world.walls),):
         raise SonarExploreError(
@@ -67,7 +67,9 @@ def _check_numbers(world: World) -> None:
         raise SonarExploreError(f"{world.name}: the radius of a cylinder must be above 0")
     start = world.start
     if not (np.abs([start.x, start.y, start.heading]) <= MAX_COORDINATE_M).all():
-        raise SonarExploreError(f"{world.name}: the start is no place in metres: {start}")
+        raise SonarExploreError(
+            f"{world.name}: the start is no place in metres: ({start.x:g}, {start.y:g}), heading {start.heading:g} rad"
+        )
 
 
 def _check_extent(world: World) -> None:

@@ -93,10 +93,12 @@ def run(
 )
 def report(episode: Path, out: Path | None) -> None:
     """Make the report of EPISODE, an episode.json, again."""
-    from sonar_explore.episodes.files import load_record
+    from sonar_explore.episodes.files import load_record, writable_files
 
     page = out or episode.with_name("report.html")
-    _report(load_record(episode), page)
+    record = load_record(episode)
+    with writable_files(page):
+        _report(record, page)
     click.echo(f"report: {page}")
 
 
@@ -112,23 +114,22 @@ def report(episode: Path, out: Path | None) -> None:
 def export(episode: Path, tum: Path | None, truth: Path | None, map_name: Path | None) -> None:
     """Write EPISODE, an episode.json, in formats of others: TUM trajectories, a ROS map."""
     from sonar_explore.episodes.export import ros_map_files, write_ros_map, write_trajectory
-    from sonar_explore.episodes.files import load_record, refuse_unwritable
+    from sonar_explore.episodes.files import load_record, writable_files
     from sonar_explore.reports.raster import grid_states
 
     if tum is None and truth is None and map_name is None:
         raise SonarExploreError("say what to export: --tum FILE, --truth FILE, --map NAME")
     record = load_record(episode)
     states = grid_states(record.grid)
-    refuse_unwritable(
-        *(file for file in (tum, truth) if file), *(ros_map_files(map_name) if map_name else ())
-    )
-    for path, true in ((tum, False), (truth, True)):
-        if path is not None:
-            write_trajectory(record, path, true=true)
-            click.echo(f"trajectory: {path}")
-    if map_name is not None:
-        settings, image = write_ros_map(record, map_name, states)
-        click.echo(f"map: {settings}, {image}")
+    maps = ros_map_files(map_name) if map_name else ()
+    with writable_files(*(file for file in (tum, truth) if file), *maps):
+        for path, true in ((tum, False), (truth, True)):
+            if path is not None:
+                write_trajectory(record, path, true=true)
+                click.echo(f"trajectory: {path}")
+        if map_name is not None:
+            settings, image = write_ros_map(record, map_name, states)
+            click.echo(f"map: {settings}, {image}")
 
 
 def _not_default(scan: str, sensor: str, max_scans: int | None) -> tuple[str, ...]:
@@ -169,13 +170,12 @@ def _recorder(log: Path | None, sensor: str) -> Iterator[Recorder | None]:
     if log is None:
         yield None
         return
-    from sonar_explore.episodes.files import refuse_unwritable, writable_folder
+    from sonar_explore.episodes.files import writable_files
     from sonar_explore.replay.files import write_log
     from sonar_explore.replay.log import Recorder
 
     recorder = Recorder(sensor)
-    with writable_folder(log.parent):
-        refuse_unwritable(log)
+    with writable_files(log):
         yield recorder
         write_log(recorder.log, log)
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import msgspec
 
+from sonar_explore import __version__
 from sonar_explore.episodes.record import EpisodeRecord
 from sonar_explore.errors import SonarExploreError
 
@@ -51,15 +52,15 @@ def writable_folder(folder: Path) -> Iterator[None]:
         raise
 
 
-def refuse_unwritable(*files: Path) -> None:
-    """Refuse files that could not be written, before the work starts and before any of them is."""
-    for file in files:
-        try:
+@contextlib.contextmanager
+def writable_files(*files: Path) -> Iterator[None]:
+    """The same for files: their folders are made, and a file that cannot be written is refused before any is."""
+    with contextlib.ExitStack() as folders:
+        for file in files:
             if file.is_dir():
-                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-            tempfile.TemporaryFile(dir=file.parent).close()
-        except OSError as error:
-            raise SonarExploreError(f"cannot write {file}: {error.strerror}") from error
+                raise SonarExploreError(f"cannot write {file}: {os.strerror(errno.EISDIR)}")
+            folders.enter_context(writable_folder(file.parent))
+        yield
 
 
 def save_record(record: EpisodeRecord, path: Path) -> None:
@@ -74,9 +75,27 @@ def load_record(path: Path) -> EpisodeRecord:
     except OSError as error:
         raise SonarExploreError(f"cannot read {path}: {error.strerror}") from error
     try:
-        return msgspec.json.decode(content, type=EpisodeRecord)
+        record = msgspec.json.decode(content, type=EpisodeRecord)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise SonarExploreError(f"{path} is not an episode record: {error}") from error
+        raise SonarExploreError(
+            f"{path} is not an episode record{_other_version(content)}: {error}"
+        ) from error
+    if not record.steps:
+        raise SonarExploreError(f"{path} is an episode without a scan; every run has one at least")
+    return record
+
+
+class _Version(msgspec.Struct):
+    version: str
+
+
+def _other_version(content: bytes) -> str:
+    """What to say of a record that another version wrote."""
+    with contextlib.suppress(msgspec.DecodeError, UnicodeDecodeError):
+        wrote = msgspec.json.decode(content, type=_Version).version
+        if wrote != __version__:
+            return f" of version {__version__} but of {wrote}; run the episode again"
+    return ""
 
 
 def _umask() -> int:

@@ -154,6 +154,10 @@ class Summary(msgspec.Struct, frozen=True):
     agent: str
     slam: str
     noise: str
+    sensor: str
+    """Name of the sonar, `custom` where none is called so."""
+    scan: str
+    """`turn` or `ring`."""
     seed: int
     end_reason: str
     scans: int

@@ -31,6 +31,7 @@ from sonar_explore.episodes.record import (
 from sonar_explore.explorer import Situation, Trip
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.mapping.occupancy import OccupancyGrid
+from sonar_explore.sensors import sensor_name
 from sonar_explore.slam import ScanUpdate
 
 
@@ -119,6 +120,8 @@ class EpisodeLog:
             agent=agent,
             slam=slam,
             noise=noise,
+            sensor=sensor_name(env.config.simulator.sonar),
+            scan=env.config.scan,
             seed=seed,
             end_reason=env.end_reason,
             scans=len(self.steps),

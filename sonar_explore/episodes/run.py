@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 
@@ -62,7 +63,7 @@ def run_episode(
         policy.reset(seed)
     log = EpisodeLog(env)
     while not env.end_reason:
-        situation, decision = env.situation, _checked(policy.choose(env.situation), env.situation)
+        situation, decision = env.situation, _chosen(policy, env.situation)
         env.step(np.int64(decision.chosen))
         on_step(log.step(situation, decision))
     on_step(log.step(env.situation, None))
@@ -86,7 +87,17 @@ def run_episode(
     )
 
 
-def _checked(decision: Decision, situation: Situation) -> Decision:
+def _chosen(policy: ExplorationPolicy, situation: Situation) -> Decision:
+    """What the policy chooses, once it is seen to be a choice; where it raises, the line of it that did."""
+    try:
+        decision = policy.choose(situation)
+    except SonarExploreError:
+        raise
+    except Exception as error:
+        at = traceback.extract_tb(error.__traceback__)[-1]
+        raise SonarExploreError(
+            f"the agent's choose failed at {at.filename} line {at.lineno}: {type(error).__name__}: {error}"
+        ) from error
     if not isinstance(decision, Decision):
         raise SonarExploreError(f"the agent's choose returned {decision!r}; it must return a Decision")
     n = len(situation.candidates)

@@ -102,6 +102,10 @@ def read_log(path: Path) -> Log:
     try:
         head = _decoded(path, *lines[0], HeadLine)
     except SonarExploreError as error:
+        if _is_episode(lines[0][1]):
+            raise SonarExploreError(
+                f"{path} is the record of an episode, which keeps too little for a replay; run with --log FILE"
+            ) from error
         raise SonarExploreError(
             f"{error}; a log is what `run --log` keeps, or as in docs/replay.md"
         ) from error
@@ -119,6 +123,21 @@ def read_log(path: Path) -> Log:
     sensor_preset(head.sensor)
     known = tuple(reference) or None
     return Log(head.about or path.name, Pose(*head.start), tuple(entries), known, head.sensor)
+
+
+class _Episode(msgspec.Struct):
+    """What tells an episode.json."""
+
+    summary: msgspec.Raw
+    steps: msgspec.Raw
+
+
+def _is_episode(line: bytes) -> bool:
+    try:
+        msgspec.json.decode(line, type=_Episode)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return False
+    return True
 
 
 def _lines(log: Log) -> Iterator[ScanLine]:

@@ -18,6 +18,7 @@ from sonar_explore.reports import scene
 from sonar_explore.reports.charts import episode_charts
 from sonar_explore.reports.frame import frame_of, scale_bar
 from sonar_explore.reports.page import templates, verbatim, write_page
+from sonar_explore.reports.progress import counted
 from sonar_explore.reports.raster import grid_png
 
 
@@ -69,7 +70,7 @@ def tiles(summary: Summary) -> list[tuple[str, str, str]]:
     wall_error = "no occupied cell" if summary.wall_error_m is None else f"{summary.wall_error_m:.3f} m off"
     loop = [] if summary.loop_closed is None else [("Loop", "closed" if summary.loop_closed else "open", "")]
     return [
-        ("Explored", f"{100 * summary.explored_fraction:.1f} %", f"{summary.decisions} decisions"),
+        ("Explored", f"{100 * summary.explored_fraction:.1f} %", counted(summary.decisions, "decision")),
         (
             "Final position error",
             f"{position.final:.3f} m",
@@ -80,12 +81,12 @@ def tiles(summary: Summary) -> list[tuple[str, str, str]]:
             f"{heading.final:.1f}°",
             f"mean {heading.mean:.1f}, max\u00a0{heading.max:.1f}",
         ),
-        ("Walls found", f"{100 * summary.wall_recall:.0f} %", wall_error),
+        ("Walls on the map", f"{100 * summary.wall_recall:.0f} %", wall_error),
         ("False-free", f"{100 * summary.false_free_fraction:.2f} %", "free cells that are not"),
         (
             "Driven",
             f"{summary.path_length_m:.1f} m",
-            f"{summary.scans} scans, {_duration(summary.sim_time_s)}",
+            f"{counted(summary.scans, 'scan')}, {_duration(summary.sim_time_s)}",
         ),
         ("Contacts", str(summary.contacts), "with walls"),
         ("Chains", str(summary.chains), f"{summary.dangling_chains} dangling, {summary.merges} merged"),

@@ -36,8 +36,8 @@ def summary_table(summary: Summary) -> Table:
     position, heading = summary.position_error_m, summary.heading_error_deg
     rows = [
         ("ended", summary.end_reason.replace("_", " ")),
-        ("explored", f"{100 * summary.explored_fraction:.1f} % in {summary.scans} scans"),
-        ("driven", f"{summary.path_length_m:.1f} m, {summary.contacts} contacts"),
+        ("explored", f"{100 * summary.explored_fraction:.1f} % in {counted(summary.scans, 'scan')}"),
+        ("driven", f"{summary.path_length_m:.1f} m, {counted(summary.contacts, 'contact')}"),
         (
             "position error",
             f"{position.final:.3f} m at the end, mean {position.mean:.3f}, max {position.max:.3f}",
@@ -46,18 +46,28 @@ def summary_table(summary: Summary) -> Table:
             "heading error",
             f"{heading.final:.1f} deg at the end, mean {heading.mean:.1f}, max {heading.max:.1f}",
         ),
-        ("walls found", f"{100 * summary.wall_recall:.0f} %"),
+        ("walls on the map", f"{100 * summary.wall_recall:.0f} %"),
         ("chains", f"{summary.chains}, {summary.dangling_chains} dangling, {summary.merges} merged"),
     ]
     if summary.loop_closed is not None:
         rows.append(("loop", "closed" if summary.loop_closed else "open"))
     title = (
-        f"{summary.world}, {summary.agent}, slam {summary.slam}, noise {summary.noise}, seed {summary.seed}"
+        f"{summary.world}, {summary.agent}, slam {summary.slam}, noise {summary.noise}, "
+        f"{summary.sensor}, {summary.scan} scan, seed {summary.seed}"
     )
     table = Table(title=Text(title), title_justify="left", show_header=False, box=box.SIMPLE)
     for label, value in rows:
         table.add_row(Text(label, style="dim"), Text(value))
     return table
+
+
+def counted(n: int, what: str) -> str:
+    """A number and what it counts.
+
+    >>> counted(1, "scan"), counted(0, "scan")
+    ('1 scan', '0 scans')
+    """
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
 
 
 def list_table(rows: list[dict[str, Any]]) -> Table:

@@ -95,8 +95,8 @@ def test_a_map_says_free_occupied_and_unknown_as_map_server_does():
     ("arguments", "words"),
     [
         ([], "--tum FILE"),
-        (["--tum", "nowhere/way.txt"], "cannot write"),
-        (["--map", "nowhere/map"], "cannot write"),
+        (["--tum", "/dev/null/way.txt"], "cannot write"),
+        (["--tum", "way.txt", "--map", "/dev/null/map"], "cannot write"),
     ],
 )
 def test_what_cannot_be_exported_is_one_line_and_leaves_nothing(

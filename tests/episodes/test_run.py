@@ -181,3 +181,14 @@ def test_configurations_are_values():
 def test_the_robot_goes_on_round_a_loop_until_it_meets_the_walls_of_its_first_scan(seed):
     summary = run_episode("paper/loop", seed=seed).summary
     assert summary.loop_closed and summary.end_reason == "explored"
+
+
+def test_where_a_policy_fails_its_line_is_named():
+    class Fails:
+        def choose(self, situation):
+            raise KeyError("mine")
+
+    with pytest.raises(
+        SonarExploreError, match=r"choose failed at .*test_run\.py line \d+: KeyError: 'mine'"
+    ):
+        run_episode("paper/corridor", Fails())

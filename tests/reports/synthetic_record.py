@@ -242,6 +242,8 @@ def _summary(name: str, steps: list[StepRecord], chains: int) -> Summary:
         agent="frontier",
         slam="chain",
         noise="paper",
+        sensor="amigobot",
+        scan="turn",
         seed=7,
         end_reason="nothing left to explore",
         scans=len(steps),

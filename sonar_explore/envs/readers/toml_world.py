@@ -80,7 +80,8 @@ def read_toml(path: Path, options: ReadOptions) -> World:
     try:
         file = msgspec.toml.decode(data, type=WorldFile)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise SonarExploreError(f"{path.name}: {' '.join(str(error).split())}") from None
+        said = " ".join(str(error).split())
+        raise SonarExploreError(f"{path.name}: {said}{_known_fields(said)}") from None
     except (
         RecursionError,
         ValueError,
@@ -101,6 +102,15 @@ def read_toml(path: Path, options: ReadOptions) -> World:
             has_loop=file.has_loop,
         )
     )
+
+
+def _known_fields(said: str) -> str:
+    """What the table may hold, where an error is about a field that it may not."""
+    if "unknown field" not in said:
+        return ""
+    table = said.rpartition("$")[2].strip("`.").split("[")[0]
+    known = {"start": Start, "wall": Wall, "polygon": Polygon, "cylinder": Cylinder, "door": Door}
+    return f"; known: {', '.join(known.get(table, WorldFile).__struct_fields__)}"
 
 
 def _walls(file: WorldFile) -> tuple[Array, Array]:
