@@ -221,3 +221,11 @@ def test_ticks_start_at_zero_hold_the_top_and_are_few(top: float) -> None:
 
 def test_the_scale_bar_is_a_round_length(record: EpisodeRecord) -> None:
     assert scale_bar(frame_of(record)) in (0.1, 0.2, 0.5, 1, 2, 5)
+
+
+def test_a_long_episode_numbers_every_25th_scan_and_a_short_one_every_scan(record: EpisodeRecord) -> None:
+    step = record.steps[0]
+    steps = [msgspec.structs.replace(step, index=i) for i in range(151)]
+    long = episode_page(msgspec.structs.replace(record, steps=steps))
+    assert long.count('class="number"') == 7 and long.count('class="number minor"') == 144
+    assert 'class="number minor"' not in episode_page(record)

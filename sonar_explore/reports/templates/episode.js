@@ -216,7 +216,9 @@ function layers() {
 function thinTexts() {
   const numbers = [...map.querySelectorAll(".number")].filter((n) => n.parentNode.style.visibility !== "hidden");
   const now = numbers.filter((n) => n.parentNode.matches(".now"));
-  const texts = [...now, ...$("dangling").children, ...numbers.filter((n) => !now.includes(n))];
+  const many = map.matches(".many"); // a long episode numbers every 25th scan, and leaves it to dashes what dangles
+  const others = numbers.filter((n) => !now.includes(n) && !(many && n.matches(".minor")));
+  const texts = [...now, ...(many ? [] : $("dangling").children), ...others];
   for (const text of texts) text.style.display = "";
   const boxes = texts.map((text) => text.getBoundingClientRect());
   const placed = [];
