@@ -159,12 +159,14 @@ class ChainMap:
         x1, y1, x2, y2 = self._measured[rows].T
         ends = x + c * x1 - s * y1, y + s * x1 + c * y1, x + c * x2 - s * y2, y + s * x2 + c * y2
         self._segments[rows] = moved = np.column_stack(ends)
-        links = {chain_id: list(chain.links) for chain_id, chain in self._chains.items()}
+        links: dict[int, list[Link]] = {}
         for (chain_id, index, scan), ends_m in zip(owners[rows].tolist(), moved.tolist(), strict=True):
+            if chain_id not in links:
+                links[chain_id] = list(self._chains[chain_id].links)
             link = links[chain_id][index]
             links[chain_id][index] = Link(Segment(*ends_m), scan, link.feature_index, link.feature)
-        for chain_id in set(owners[rows, 0].tolist()):
-            self._chains[chain_id] = replace(self._chains[chain_id], links=tuple(links[chain_id]))
+        for chain_id, placed in links.items():
+            self._chains[chain_id] = replace(self._chains[chain_id], links=tuple(placed))
 
     def _stack(self, link: Link, chain_id: int, index: int) -> None:
         if self._size == len(self._segments):

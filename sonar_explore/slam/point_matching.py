@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array
 
 
@@ -53,49 +54,94 @@ def matched(
         alike: which points may be which of the known ones at all, shape (n, m); None for any.
     """
     out = np.full(len(here), -1)
-    off = known[None] - here[:, None]
-    unlike = np.zeros(off.shape[:2], dtype=bool) if alike is None else ~alike
-    rows, columns = np.nonzero((np.hypot(off[..., 0], off[..., 1]) <= config.reach_m) & ~unlike)
-    if not len(rows):
-        return out
-    moves = _moves(here[rows] - about, known[columns] - about, rows, columns, config)
+    if alike is None:
+        alike = np.ones((len(here), len(known)), dtype=bool)
     information = np.linalg.inv(prior + 1e-8 * np.eye(3))
-    price = np.einsum("hi,ij,hj->h", moves, information, moves)
-    variance = spread + config.place_m**2
-    costs = np.stack([_squared(here, about, known, variance, move) for move in moves])
-    costs[:, unlike] = np.inf
-    nearest = costs.min(axis=2)
-    best = int(np.argmin(price + np.minimum(nearest, config.unmatched).sum(axis=1)))
-    cost = costs[best]
-    for i in range(len(here)):
-        j = int(np.argmin(cost[i]))
-        if cost[i, j] < config.unmatched and int(np.argmin(cost[:, j])) == i:
-            out[i] = j
+    limits = config.reach_m, config.apart_m, config.unmatched
+    _match(here - about, known - about, alike, spread + config.place_m**2, information, *limits, out)
     return out
 
 
-def _squared(here: Array, about: Array, known: Array, variance: Array, move: Array) -> Array:
-    """Of each point of the moved scan to each known one, in squared standard deviations, shape (n, m)."""
-    c, s = math.cos(move[2]), math.sin(move[2])
-    moved = (here - about) @ np.array([[c, s], [-s, c]]) + about + move[:2]
-    gap = known[None] - moved[:, None]
-    return np.asarray((gap**2).sum(axis=2) / variance)
+@kernel
+def _match(here, known, alike, variance, information, reach, apart, unmatched, out):  # type: ignore[no-untyped-def]
+    """Of all moves that put one point, or two, on known ones, and of none, the cheapest; by it each point and a known
+    one that are nearest to one another are the same."""
+    n, m = alike.shape
+    rows, columns, count = np.empty(n * m, dtype=np.int64), np.empty(n * m, dtype=np.int64), 0
+    for i in range(n):
+        for j in range(m):
+            if alike[i, j] and math.hypot(known[j, 0] - here[i, 0], known[j, 1] - here[i, 1]) <= reach:
+                rows[count], columns[count] = i, j
+                count += 1
+    if count == 0:
+        return
+    problem = (here, known, alike, variance, information, unmatched)
+    x = y = turn = 0.0
+    best = _cost(*problem, 0.0, 0.0, 0.0, np.inf)
+    for a in range(count):
+        i, j = rows[a], columns[a]
+        dx, dy = known[j, 0] - here[i, 0], known[j, 1] - here[i, 1]
+        cost = _cost(*problem, dx, dy, 0.0, best)
+        if cost < best:
+            best, x, y, turn = cost, dx, dy, 0.0
+    for a in range(count):
+        for b in range(a + 1, count):
+            i, k, j, other = rows[a], rows[b], columns[a], columns[b]
+            if i == k or j == other:
+                continue
+            bx, by = here[k, 0] - here[i, 0], here[k, 1] - here[i, 1]
+            ax, ay = known[other, 0] - known[j, 0], known[other, 1] - known[j, 1]
+            if abs(math.hypot(bx, by) - math.hypot(ax, ay)) > apart:
+                continue
+            angle = math.atan2(bx * ay - by * ax, bx * ax + by * ay)
+            c, s = math.cos(angle), math.sin(angle)
+            mx, my = 0.5 * (here[i, 0] + here[k, 0]), 0.5 * (here[i, 1] + here[k, 1])
+            dx = 0.5 * (known[j, 0] + known[other, 0]) - c * mx + s * my
+            dy = 0.5 * (known[j, 1] + known[other, 1]) - s * mx - c * my
+            cost = _cost(*problem, dx, dy, angle, best)
+            if cost < best:
+                best, x, y, turn = cost, dx, dy, angle
+    for i in range(n):
+        j, cost = _nearest(here[i], known, alike[i], variance, x, y, turn)
+        if cost >= unmatched:
+            continue
+        out[i] = j
+        for k in range(n):
+            if k != i and alike[k, j]:
+                other = _squared(here[k], known[j], variance[j], x, y, turn)
+                if other < cost or (other == cost and k < i):
+                    out[i] = -1
 
 
-def _moves(
-    points: Array, targets: Array, rows: NDArray[np.intp], columns: NDArray[np.intp], config: MatchingConfig
-) -> Array:
-    """Moves x, y [m], turn [rad] about the pose that put one point, or two, on known ones; and none; shape (h, 3)."""
-    first, second = np.triu_indices(len(rows), 1)
-    two = (rows[first] != rows[second]) & (columns[first] != columns[second])
-    first, second = first[two], second[two]
-    before, after = points[second] - points[first], targets[second] - targets[first]
-    alike = np.abs(np.hypot(*before.T) - np.hypot(*after.T)) <= config.apart_m
-    first, second, before, after = first[alike], second[alike], before[alike], after[alike]
-    turn = np.arctan2(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], (before * after).sum(axis=1))
-    middle, aim = 0.5 * (points[first] + points[second]), 0.5 * (targets[first] + targets[second])
-    c, s = np.cos(turn), np.sin(turn)
-    turned = np.column_stack([c * middle[:, 0] - s * middle[:, 1], s * middle[:, 0] + c * middle[:, 1]])
-    pairs = np.column_stack([aim - turned, turn])
-    alone = np.column_stack([targets - points, np.zeros(len(points))])
-    return np.vstack([np.zeros((1, 3)), alone, pairs])
+@inner_kernel
+def _cost(here, known, alike, variance, information, unmatched, x, y, turn, most):  # type: ignore[no-untyped-def]
+    """Of a move: its own, by the prior, and that of each point by the nearest known one, or of being none; in squared
+    standard deviations, as far as it is less than `most`."""
+    cost = x * x * information[0, 0] + y * y * information[1, 1] + turn * turn * information[2, 2]
+    cost += 2.0 * (x * y * information[0, 1] + x * turn * information[0, 2] + y * turn * information[1, 2])
+    for i in range(len(here)):
+        if cost >= most:
+            break
+        _, off = _nearest(here[i], known, alike[i], variance, x, y, turn)
+        cost += min(off, unmatched)
+    return cost
+
+
+@inner_kernel
+def _nearest(point, known, alike, variance, x, y, turn):  # type: ignore[no-untyped-def]
+    """The known point nearest to a point of the moved scan, and how far it is, in squared standard deviations."""
+    nearest, least = -1, np.inf
+    for j in range(len(known)):
+        if alike[j]:
+            off = _squared(point, known[j], variance[j], x, y, turn)
+            if off < least:
+                nearest, least = j, off
+    return nearest, least
+
+
+@inner_kernel
+def _squared(point, known, variance, x, y, turn):  # type: ignore[no-untyped-def]
+    c, s = math.cos(turn), math.sin(turn)
+    dx = known[0] - c * point[0] + s * point[1] - x
+    dy = known[1] - s * point[0] - c * point[1] - y
+    return (dx * dx + dy * dy) / variance

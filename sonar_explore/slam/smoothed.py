@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonar_explore.amigobot import AmigoBot
-from sonar_explore.geometry import Pose
+from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.association import Association
 from sonar_explore.slam.base import ScanEntry, ScanUpdate, SlamConfig
@@ -35,6 +35,8 @@ class SmoothedSlam(ChainSlam):
         """`PointKind` of every point, by its number."""
         self._heard_at: NDArray[np.intp] = np.zeros((0, 2), dtype=np.intp)
         """First and last scan that heard it."""
+        self._where: Array = np.zeros((0, 3))
+        """x, y [m], heading [rad] at which each scan was placed."""
         self._motion = MotionSum(RandomWalk(odometry.turn_rad, odometry.drift_rad, odometry.distance_m))
 
     def predict(self, pose_robot_in_odometry: Pose) -> Pose:
@@ -133,12 +135,17 @@ class SmoothedSlam(ChainSlam):
             self._smoother, self._heard_at = before, heard_at
 
     def _move_everything(self) -> None:
-        poses = [Pose(*row) for row in self._smoother.poses.tolist()]
-        self._entries = [
-            ScanEntry(pose, e.scan, e.features) for pose, e in zip(poses, self._entries, strict=True)
-        ]
-        self.chains.place(dict(enumerate(poses)))
-        self.pose = poses[-1]
+        """Scans and chains to where they are by the solution, but for those that have hardly moved since they were."""
+        config, poses = self.config.smoothing, self._smoother.poses
+        self._where = np.vstack([self._where, poses[len(self._where) :] + np.inf])
+        off = np.abs(poses - self._where) > (config.settled_m, config.settled_m, config.settled_rad)
+        moved = np.flatnonzero(off.any(axis=1)).tolist()
+        self._where[moved] = poses[moved]
+        placed = {k: Pose(*poses[k].tolist()) for k in moved}
+        for k, pose in placed.items():
+            self._entries[k] = ScanEntry(pose, self._entries[k].scan, self._entries[k].features)
+        self.chains.place(placed)
+        self.pose = placed[len(poses) - 1]
         self._filter.restart(*map(float, (*self._smoother.constants[:2], self._smoother.own[-1])))
 
     def _believable(self, associations: Sequence[Association], residuals: Residuals) -> NDArray[np.bool_]:
@@ -146,11 +153,7 @@ class SmoothedSlam(ChainSlam):
 
         Of a chain that is too unsure of where it is, seen from here, any parallel wall may seem to be the next piece.
         """
-        spread = np.array(
-            [
-                self._smoother.covariance(association.chain, self.pose, normal)
-                for association, normal in zip(associations, residuals.normals, strict=True)
-            ]
-        ).reshape(-1, 2, 2)
+        chains = [association.chain for association in associations]
+        spread = self._smoother.covariances(chains, self.pose, residuals.normals)
         sure = spread[:, 1, 1] <= self.config.matching.sure_m**2
         return self._filter.believable(residuals, spread) & sure

@@ -12,6 +12,7 @@ from sonar_explore.envs.simulator import Simulator, SimulatorConfig
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Pose, wrap_angle
 from sonar_explore.slam import jacobian, make_slam
+from sonar_explore.slam.factor_graph import FactorGraph, FactorKind
 from sonar_explore.slam.motion import MotionSum, RandomWalk
 from sonar_explore.slam.sighting import Sighting
 from sonar_explore.slam.smoothing import Smoother, SmoothingConfig
@@ -66,6 +67,10 @@ def noisy(motion, rng):
     return replace(motion, change=motion.change + rng.multivariate_normal(np.zeros(3), motion.covariance))
 
 
+def covariance(out, chain, at, normal):
+    return out.covariances([chain], at, normal[None])[0]
+
+
 def off_by(out, poses):
     true = np.array([(p.x, p.y, p.heading) for p in poses])
     return np.abs(out.poses - true).max(axis=0)
@@ -107,51 +112,91 @@ def test_the_scale_of_the_ranges_is_learned_from_walls_near_and_far_more_with_ev
     assert found[2] > 0.75
 
 
-def dense(rows, size):
-    jacobian = np.zeros((len(rows.columns), size))
-    np.put_along_axis(jacobian, rows.columns, rows.values, axis=1)
-    return jacobian
+def one_of_each():
+    """A graph with a factor of every kind, of nothing in particular."""
+    rng, graph = np.random.default_rng(3), FactorGraph()
+    graph.add_variable(*rng.normal(0, 0.01, 3))
+    here, there = (graph.add_variable(*rng.normal(0, 2.0, 3), rng.normal(0, 0.01)) for _ in range(2))
+    line, point = (graph.add_variable(*rng.normal(0, 2.0, 2)) for _ in range(2))
+    column = graph.add_variable(*rng.normal(0, 2.0, 2), 0.2)
+    motion = loop(rounds=1)[1][0]
+    white = np.linalg.inv(np.linalg.cholesky(motion.covariance))[np.tril_indices(3)]
+    parts = white, motion.change, motion.by_wheels.ravel(), motion.by_own
+    graph.add_factor(FactorKind.START, here, -1, (0.5, 0.5, 0.0))
+    graph.add_factor(FactorKind.ROBOT, here, -1, (100.0, 50.0, 200.0))
+    graph.add_factor(FactorKind.TURN, there, -1, (250.0, 0.01, 300.0))
+    graph.add_factor(FactorKind.ODOMETRY, here, there, np.concatenate(parts).tolist())
+    for kind, what in ((FactorKind.LINE, line), (FactorKind.POINT, point), (FactorKind.COLUMN, column)):
+        for scan in (here, there):
+            graph.add_factor(kind, scan, what, (*rng.uniform(0.3, 2.0, 3), 30.0, 70.0))
+    graph.add_factor(FactorKind.RADIUS, column, -1, (0.1, 25.0))
+    return graph
 
 
-def test_the_jacobian_agrees_with_finite_differences():
-    rng, n, scans = np.random.default_rng(3), 11, np.arange(11)
-    _, motions = loop(rounds=1)
-    at = jacobian.Unknowns(
-        poses=rng.normal(0, 2.0, (n, 3)),
-        own=rng.normal(0, 0.01, n),
-        lines=rng.normal(0, 1.0, (4, 2)),
-        points=rng.normal(0, 2.0, (5, 2)),
-        radii=rng.uniform(0.05, 0.3, 2),
-        constants=rng.normal(0, 0.01, 3),
+def slope_and_loss(graph, f):
+    """Of one factor, its loss robust where it is heard and else the sum of squares."""
+    slope, touched = np.empty((graph.variables, 4)), np.zeros(graph.variables, dtype=bool)
+    one = slice(f, f + 1)
+    problem = graph.kinds[one], graph.ends[one], graph.measured[one], graph.values
+    off, rows = np.empty(3), np.zeros((1, 3, 11))
+    loss = jacobian.linearised(*problem, False, 0.0, rows, np.empty((3, 11)), off, slope, touched)
+    return slope, loss or off @ off
+
+
+def test_the_slope_of_every_kind_of_factor_agrees_with_finite_differences_of_its_loss():
+    graph = one_of_each()
+    for f in range(graph.factors):
+        exact, _ = slope_and_loss(graph, f)
+        for k, variable in enumerate(graph.values):
+            for i in range(graph.dims[k]):
+                found = []
+                for step in (1e-6, -2e-6, 1e-6):
+                    variable[i] += step
+                    found.append(slope_and_loss(graph, f)[1])
+                assert exact[k, i] == pytest.approx((found[0] - found[1]) / 4e-6, abs=2.0, rel=1e-4)
+
+
+def linearised(graph, tolerance, *, huber=False):
+    slope, touched = np.empty((graph.variables, 4)), np.zeros(graph.variables, dtype=bool)
+    problem = graph.kinds, graph.ends, graph.measured, graph.values
+    jacobian.linearised(
+        *problem, huber, tolerance, graph.rows, np.empty((3, 11)), np.empty(3), slope, touched
     )
-    white = [np.linalg.inv(np.linalg.cholesky(m.covariance)) for m in motions]
-    parts = [np.stack(p) for p in zip(*((m.change, m.by_wheels, m.by_own) for m in motions), strict=True)]
+    return slope, touched
 
-    def heard(kinds):
-        bearing, sweep, range_m = rng.uniform(0.3, 2.0, (3, n))
-        return jacobian.Heard(scans, rng.integers(kinds, size=n), bearing, sweep, range_m, np.full(n, 30.0))
 
-    seen, met = heard(4), heard(5)
-    radius = np.array([-1, 0, -1, 1, -1])[met.what]
+def test_the_slope_is_exact_and_rows_are_renewed_only_where_they_changed_or_resist_a_motion_of_all():
+    graph = one_of_each()
+    _, touched = linearised(graph, 0.2)
+    assert touched.all()
+    before = graph.rows.copy()
+    slope, touched = linearised(graph, 0.2)
+    assert not touched.any() and (graph.rows == before).all()
+    graph.values[5, :2] += 0.002  # the column
+    moved, touched = linearised(graph, 0.2)
+    assert (moved[5] != slope[5]).any()
+    slope, touched = linearised(graph, 1e-6)
+    assert touched[5] and not touched[[3, 4]].any()
+    np.testing.assert_array_equal(moved, slope)
 
-    def blocks(at):
-        return (
-            jacobian.anchor(at, np.array([0.5, 0.5, 0.0]), np.array([0.01, 0.02, 0.005])),
-            *jacobian.own_turns(at, 0.004, scans[:2], np.array([0.01, 0.0]), np.array([0.004, 0.002])),
-            jacobian.odometry(at, np.stack(white), *parts),
-            *jacobian.lines_heard(at, seen, 0.015, np.ones_like),
-            *jacobian.points_heard(at, met, radius, 0.01, np.ones_like),
-            jacobian.radii_told(at, np.array([0.1, 0.2]), np.array([0.03, 0.05])),
-        )
 
-    exact = [dense(b, at.size) for b in blocks(at)]
-    for column in range(at.size):
-        step = np.zeros(at.size)
-        step[column] = 1e-6
-        ahead, behind = blocks(at.moved(step)), blocks(at.moved(-step))
-        for rows, a, b in zip(exact, ahead, behind, strict=True):
-            slope = (a.residual - b.residual) / 2e-6
-            assert rows[:, column] == pytest.approx(slope, abs=1e-2, rel=1e-4)
+@pytest.mark.parametrize(("angle", "renewed"), [(0.001, False), (0.3, True)])
+def test_factors_that_would_resist_a_turn_of_the_whole_map_are_renewed(angle, renewed):
+    poses, motions = loop()
+    out = smoother(poses, motions, np.random.default_rng(0))
+    for i, p in enumerate(poses):
+        for s in pillars_seen(i, p):
+            out.add_point(s)
+    out.solve()
+    graph, (c, s) = out._graph, (math.cos(angle), math.sin(angle))
+    for k, variable in enumerate(graph.values):
+        if k in out._chains.values():
+            variable[0] += angle
+        elif k:
+            variable[:2] = variable[:2] @ [[c, s], [-s, c]]
+            variable[2] += angle if k in out._scans else 0.0
+    _, touched = linearised(graph, 1e9)
+    assert touched.all() if renewed else not touched.any()
 
 
 PILLARS = ((1.2, 2.1), (3.4, 0.9), (2.2, 1.6), (3.1, 2.4))
@@ -325,22 +370,22 @@ def test_a_true_merge_puts_two_chains_on_one_line_and_moves_nothing():
         out.merge(wall, wall + 4)
     out.solve()
     assert (off_by(out, poses) < 1e-6).all()
-    assert sorted(out._lines) == [0, 1, 2, 3]
+    assert sorted(out.lines) == [0, 1, 2, 3]
 
 
 def test_the_pose_is_surer_of_a_chain_it_sees_than_of_none():
     poses, motions = loop(rounds=1)
     out = smoother(poses, motions, np.random.default_rng(0))
     down = np.array([0.0, -1.0])
-    assert (out.covariance(0, poses[-1], down) == 0.0).all()  # nothing solved yet
+    assert (covariance(out, 0, poses[-1], down) == 0.0).all()  # nothing solved yet
     out.solve()
-    seen = out.covariance(2, poses[-1], down)
+    seen = covariance(out, 2, poses[-1], down)
     angle, distance = np.sqrt(np.diag(seen))
     assert 0.0 < angle < math.radians(2.0) and 0.0 < distance < 0.03
     far = poses[-1] @ Pose(1.0, 0.0, 0.0)
     out.add_scan(far, motions[0])
     out.solve()
-    assert (np.diag(out.covariance(2, far, down)) > np.diag(seen)).all()
+    assert (np.diag(covariance(out, 2, far, down)) > np.diag(seen)).all()
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -357,11 +402,11 @@ def test_the_covariance_of_a_chain_is_that_of_what_many_noisy_drives_say(seed):
             bearing = rng.normal(s.bearing_rad, math.hypot(config.bearing_rad, config.bearing_least_rad))
             out.add_sighting(replace(s, bearing_rad=bearing, range_m=rng.normal(s.range_m, config.range_m)))
         out.solve()
-        (x, y, heading), (angle, distance) = out.poses[-1], out._lines[1]
+        (x, y, heading), (angle, distance) = out.poses[-1], out.lines[1]
         there = Pose(x, y, heading) @ Pose(0.8, 0.3, 0.0)
         along = there.x * math.cos(angle) + there.y * math.sin(angle) - distance
         off.append([wrap_angle(heading - poses[-1].heading - angle), along - (ahead.x - 4.0)])
-    expected, found = out.covariance(1, ahead, normal), np.cov(np.transpose(off))
+    expected, found = covariance(out, 1, ahead, normal), np.cov(np.transpose(off))
     assert np.sqrt(np.diag(found)) == pytest.approx(np.sqrt(np.diag(expected)), rel=0.35)
     correlation = [m[0, 1] / math.sqrt(m[0, 0] * m[1, 1]) for m in (expected, found)]
     assert correlation[1] == pytest.approx(correlation[0], abs=0.3)
