@@ -12,6 +12,7 @@ import numpy as np
 
 from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array
+from sonar_explore.mapping.changes import Spans
 from sonar_explore.mapping.grid import Mask
 
 _NONE = 2**31 - 1  # the square of the distance where there is none
@@ -43,6 +44,7 @@ class Distances:
         """
         self._less, self._cell_m = less, cell_m
         self._to: Mask = np.zeros((0, 0), dtype=bool)
+        self._watches: list[Watch] = []
 
     def of(self, to: Mask) -> Array:
         """Shape (rows, columns), [m]; the array is written to at the next call."""
@@ -50,10 +52,43 @@ class Distances:
             self._down, self._squares = np.empty((2, *to.shape), dtype=np.int32)
             self._distances = np.empty(to.shape)
             _distances(to, self._down, self._squares, self._less, self._cell_m, self._distances)
+            spans = _whole(to.shape)
         else:
-            _renew(self._to, to, self._down, self._squares, self._less, self._cell_m, self._distances)
+            spans = np.empty((len(to), 2), dtype=np.int64)
+            _renew(self._to, to, self._down, self._squares, self._less, self._cell_m, self._distances, spans)
         self._to = to.copy()
+        for watch in self._watches:
+            watch.widen(spans)
         return self._distances
+
+    def watch(self) -> Watch:
+        """Tells from now on where they have changed; at first, everywhere."""
+        self._watches.append(Watch(_whole(self._to.shape)))
+        return self._watches[-1]
+
+
+class Watch:
+    """Where distances have changed since somebody asked last."""
+
+    def __init__(self, spans: Spans) -> None:
+        self._spans = spans
+
+    def widen(self, spans: Spans) -> None:
+        """There, too; everywhere where there were fewer rows or more before."""
+        if len(spans) != len(self._spans):
+            self._spans = spans.copy()
+        np.minimum(self._spans[:, 0], spans[:, 0], out=self._spans[:, 0])
+        np.maximum(self._spans[:, 1], spans[:, 1], out=self._spans[:, 1])
+
+    def take(self) -> Spans:
+        """First column and last of each row, shape (rows, 2); the last is before the first where a row has none."""
+        spans, self._spans = self._spans, np.empty_like(self._spans)
+        self._spans[:] = 2**31, -1
+        return spans
+
+
+def _whole(shape: tuple[int, ...]) -> Spans:
+    return np.tile([0, shape[1] - 1], (shape[0], 1))
 
 
 @kernel
@@ -78,8 +113,8 @@ def _distances(to, down, squares, less, cell_m, out):  # type: ignore[no-untyped
 
 
 @kernel
-def _renew(before, to, down, squares, less, cell_m, out):  # type: ignore[no-untyped-def]
-    """Go over from the distances to `before` to those to `to`."""
+def _renew(before, to, down, squares, less, cell_m, out, spans):  # type: ignore[no-untyped-def]
+    """Go over from the distances to `before` to those to `to`; what was worked out anew of each row, into `spans`."""
     rows, columns = to.shape
     far = rows + columns
     first, last = np.full(columns, rows), np.full(columns, -1)
@@ -98,6 +133,7 @@ def _renew(before, to, down, squares, less, cell_m, out):  # type: ignore[no-unt
             _down_again(to, down, c, first[c], last[c], far, above, left, right)
     envelope = np.empty((2, columns), dtype=np.int32)
     for r in range(rows):
+        spans[r, 0], spans[r, 1] = left[r], right[r]
         if right[r] >= 0:
             a, b = left[r], right[r]
             while a > 0 and squares[r, a - 1] >= (left[r] - (a - 1)) ** 2:
@@ -111,6 +147,7 @@ def _renew(before, to, down, squares, less, cell_m, out):  # type: ignore[no-unt
                 last_column = min(last_column, b + 1 + int(math.sqrt(squares[r, b + 1])))
             _along(down[r], far, first_column, last_column, a, b, envelope, squares[r])
             _root(squares[r], less, cell_m, a, b, out[r])
+            spans[r, 0], spans[r, 1] = a, b
 
 
 @inner_kernel

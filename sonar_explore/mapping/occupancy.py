@@ -97,7 +97,21 @@ class OccupancyGrid:
     @property
     def to_walls_m(self) -> Array:
         """Distance of each cell to the nearest occupied one, shape (rows, columns), [m]; see `kept`."""
-        return self.keeper("to walls", lambda: _ToWalls(self.frame.resolution_m)).of(self)
+        return self.to_walls.of(self)
+
+    @property
+    def to_walls(self) -> ToWalls:
+        """What keeps `to_walls_m`."""
+        return self.keeper("to walls", lambda: ToWalls(self.frame.resolution_m))
+
+    @cached_property
+    def known_spans(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """First row and row after the last, first column and column after the last, of what is known."""
+        spans = []
+        for known in (self.states.any(axis=1), self.states.any(axis=0)):
+            at = np.flatnonzero(known)
+            spans.append((int(at[0]), int(at[-1]) + 1) if len(at) else (0, 0))
+        return spans[0], spans[1]
 
     @property
     def free(self) -> Mask:
@@ -110,17 +124,18 @@ class OccupancyGrid:
         return self.states == OCCUPIED
 
 
-class _ToWalls:
+class ToWalls:
     """`OccupancyGrid.to_walls_m` of one map after another."""
 
     def __init__(self, cell_m: float) -> None:
-        self._distances = Distances(cell_m=cell_m)
+        self.distances = Distances(cell_m=cell_m)
         self._states: States | None = None
 
     def of(self, grid: OccupancyGrid) -> Array:
+        """Shape (rows, columns), [m]."""
         if grid.states is not self._states:
             self._states = grid.states
-            self._found = self._distances.of(grid.occupied)
+            self._found = self.distances.of(grid.occupied)
         return self._found
 
 

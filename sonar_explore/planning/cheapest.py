@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array
@@ -27,21 +28,34 @@ def cheapest_costs(cost: Array, start: tuple[int, int]) -> Array:
         cost: of each cell, at least 1, inf where it must not be entered, shape (rows, columns).
         start: (row, column); its cost is finite.
     """
-    out = np.empty(cost.shape)
-    spread_costs(cost, start, (0, cost.shape[0], 0, cost.shape[1]), math.inf, out)
-    return out
+    rimmed = np.pad(cost, 1, constant_values=np.inf)
+    out, entries = np.full(rimmed.shape, np.inf), np.empty((most_entries(cost.size), 2), dtype=np.int32)
+    dearest = float(cost[np.isfinite(cost)].max())
+    spread_costs(rimmed, (start[0] + 1, start[1] + 1), math.inf, dearest, entries, out)
+    return out[1:-1, 1:-1].copy()
+
+
+def most_entries(cells: int) -> int:
+    """How many `spread_costs` may need if so many cells may be entered: each from eight others."""
+    return 8 * cells + 2
 
 
 def spread_costs(
-    cost: Array, start: tuple[int, int], window: Window, most: float, out: Array
+    cost: Array, start: tuple[int, int], most: float, dearest: float, entries: NDArray[np.int32], out: Array
 ) -> tuple[Window, bool]:
-    """The same into a window of `out`, as far as ways cost no more: the window within that which they reach, and
-    whether there are others, that cost more.
+    """The same where a rim of inf, one cell wide, lies about the cells, as far as ways cost no more than `most`.
 
-    Nothing is looked at outside the window, and no way leads out of it.
+    Args:
+        dearest: no cell costs more.
+        entries: to be written to, shape (`most_entries`, 2).
+        out: filled, shape (rows, columns) as `cost`; inf before, wherever there are neighbours of cells that are
+            entered.
+
+    Returns:
+        The window within that the ways reach, and whether there are others, that cost more.
     """
     first_row, end_row, first_column, end_column, more = _spread(
-        cost.reshape(-1), cost.shape[1], *start, window, most, out.reshape(-1)
+        cost.reshape(-1), cost.shape[1], *start, most, dearest, entries, out.reshape(-1)
     )
     return (first_row, end_row, first_column, end_column), more
 
@@ -59,36 +73,29 @@ def cheapest_way(cost: Array, costs: Array, end: tuple[int, int], reached: Windo
 
 
 @kernel
-def _spread(costs, columns, row, column, window, most, outs):  # type: ignore[no-untyped-def]
+def _spread(costs, columns, row, column, most, dearest, entries, outs):  # type: ignore[no-untyped-def]
     """Bucket k holds the cells between k and k + 1 away. No step costs less than 1: they all are final at once.
 
-    `costs` and `outs` are row after row of so many columns.
+    `costs` and `outs` are row after row of so many columns. A bucket is a list: a cell, and the entry that follows.
     """
-    first_row, end_row, first_column, end_column = window
-    dearest, open_cells = 1.0, 0
-    for r in range(first_row, end_row):
-        for at in range(r * columns + first_column, r * columns + end_column):
-            outs[at] = np.inf
-            if costs[at] < np.inf:
-                dearest = max(dearest, costs[at])
-                open_cells += 1
     size = 4  # of the round of buckets: a power of two, so that a mask finds the place in it
     while size < math.ceil(_SQRT2 * dearest) + 2:
         size *= 2
-    buckets = np.full(size, -1)
-    cells = np.empty(8 * open_cells + 1, dtype=np.int32)
-    following = np.empty(8 * open_cells + 1, dtype=np.int32)
-    cells[0], following[0], buckets[0] = row * columns + column, -1, 0
-    outs[cells[0]] = 0.0
-    used = waiting = 1
-    level = 0
+    buckets = np.zeros(size, dtype=np.int32)
+    steps = np.empty(8, dtype=np.int64)
+    steps[0], steps[1], steps[2], steps[3] = -columns, -1, 1, columns
+    steps[4], steps[5], steps[6], steps[7] = -columns - 1, -columns + 1, columns - 1, columns + 1
+    at = row * columns + column
+    entries[1, 0], entries[1, 1], buckets[0] = at, 0, 1
+    outs[at] = 0.0
+    used, waiting, level = 2, 1, 0
     low_row, high_row, low_column, high_column, more = row, row, column, column, False
     while waiting > 0:
         entry = buckets[level & (size - 1)]
-        buckets[level & (size - 1)] = -1
-        while entry >= 0:
-            at = cells[entry]
-            entry = following[entry]
+        buckets[level & (size - 1)] = 0
+        while entry > 0:
+            at = np.int64(entries[entry, 0])
+            entry = entries[entry, 1]
             waiting -= 1
             here = outs[at]
             if here < level:  # was there already, by a cheaper way
@@ -100,27 +107,21 @@ def _spread(costs, columns, row, column, window, most, outs):  # type: ignore[no
             column = at - row * columns
             low_row, high_row = min(low_row, row), max(high_row, row)
             low_column, high_column = min(low_column, column), max(high_column, column)
-            for dr in range(-1, 2):
-                r = row + dr
-                if r < first_row or r >= end_row:
+            for k in range(8):
+                to = at + steps[k]
+                total = here + 0.5 * (costs[at] + costs[to]) * (1.0 if k < 4 else _SQRT2)
+                if total >= outs[to]:  # so it is on the rim and wherever nobody may enter
                     continue
-                for dc in range(-1, 2):
-                    c = column + dc
-                    if c < first_column or c >= end_column or costs[r * columns + c] == np.inf:
+                if k >= 4:
+                    side = 1 if k & 1 else -1
+                    if costs[at + side] == np.inf or costs[to - side] == np.inf:
                         continue
-                    to, length = r * columns + c, _SQRT2 if dr != 0 and dc != 0 else 1.0
-                    total = here + 0.5 * (costs[at] + costs[to]) * length
-                    if total >= outs[to]:
-                        continue
-                    beside = costs[row * columns + c], costs[r * columns + column]
-                    if dr != 0 and dc != 0 and (beside[0] == np.inf or beside[1] == np.inf):
-                        continue
-                    outs[to] = total
-                    bucket = int(total) & (size - 1)
-                    cells[used], following[used] = to, buckets[bucket]
-                    buckets[bucket] = used
-                    used += 1
-                    waiting += 1
+                outs[to] = total
+                bucket = int(total) & (size - 1)
+                entries[used, 0], entries[used, 1] = to, buckets[bucket]
+                buckets[bucket] = used
+                used += 1
+                waiting += 1
         level += 1
     return low_row, high_row + 1, low_column, high_column + 1, more
 

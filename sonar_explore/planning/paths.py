@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import weakref
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from sonar_explore.compiled import kernel
@@ -15,7 +17,7 @@ from sonar_explore.mapping.distance import Distances
 from sonar_explore.mapping.grid import OCCUPIED, Cells, GridFrame, Mask, States
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.mapping.regions import WithoutHoles
-from sonar_explore.planning.cheapest import Window, cheapest_way, spread_costs
+from sonar_explore.planning.cheapest import Window, cheapest_way, most_entries, spread_costs
 from sonar_explore.planning.polyline import fewer_corners
 
 TOLERANCES_M = (0.10, 0.05, 0.025)  # how far a straightened path may leave the cells of the cheapest one
@@ -71,36 +73,56 @@ class SafePaths:
         self.frame: GridFrame = grid.frame
         self.least_room_m = body_radius_m + (config.daring_margin_m if daring else config.margin_m)
         """Distance of a path from what is not free, [m]."""
-        res, start = grid.frame.resolution_m, grid.frame.cell(x, y)
-        window = _window(grid.frame, start, within_m)
-        part = np.s_[window[0] : window[1], window[2] : window[3]]
-        room, least = clearance(grid, config), self.least_room_m
-        if daring:
-            careful, room = room, np.zeros(room.shape)
-            room[part] = np.minimum(
-                careful[part] + config.unknown_credit_m, grid.to_walls_m[part] - 0.5 * res
-            )
-        self._cell_costs, self._costs = np.empty((2, *room.shape))
-        _fill_costs(room, window, least, config.comfort_m, config.comfort_weight, self._cell_costs)
-        if room[start] < least:
-            leave = _escape_zone(grid, start, config.escape_m) & (room < least)
-            self._cell_costs[leave] = 1.0 + 2.0 * config.comfort_weight
-            self._cell_costs[start] = 1.0
-        self.room_m = room
-        """Distance of each cell to the nearest cell that is not free, shape (rows, columns), [m]; where paths lead."""
-        self.reached, more = spread_costs(self._cell_costs, start, window, within_m / res, self._costs)
-        """The part of the grid that paths lead to."""
+        start = grid.frame.cell(x, y)
+        key = "ground", config, self.least_room_m, daring
+        ground = grid.keeper(key, lambda: _Ground(grid, config, self.least_room_m, daring))
+        self.room_m, self._cell_costs = ground.of(grid)
+        """Distance of each cell to the nearest cell that is not free, shape (rows, columns), [m]; where paths lead.
+        Holds until the next map is planned on, as all of this does (`OccupancyGrid.kept`)."""
+        dearest = 1.0 + 2.0 * config.comfort_weight
+        if self.room_m[start] < self.least_room_m:
+            leave = _escape_zone(grid, start, config.escape_m) & (self.room_m < self.least_room_m)
+            self._cell_costs = self._cell_costs.copy()
+            self._cell_costs[1:-1, 1:-1][leave] = dearest
+            self._cell_costs[_rimmed(start)] = 1.0
+        spare = grid.keeper("arrays of paths", _Spare)
+        first_row, end_row, first_column, end_column = self._window(grid, start, within_m, config)
+        self._costs = spare.costs(self._cell_costs.shape)
+        weakref.finalize(self, spare.take_back, self._costs).atexit = False
+        self._costs[first_row : end_row + 2, first_column : end_column + 2] = np.inf
+        entries = spare.entries((end_row - first_row) * (end_column - first_column))
+        most = within_m / grid.frame.resolution_m
+        self._reached, more = spread_costs(
+            self._cell_costs, _rimmed(start), most, dearest, entries, self._costs
+        )
         self.within_m = within_m if more else math.inf
         """Longer paths are left out, [m]; inf where there are none."""
+
+    def _window(
+        self, grid: OccupancyGrid, start: tuple[int, int], within_m: float, config: PlanningConfig
+    ) -> Window:
+        """The rows and columns that paths so long can lead to: about what is known of the map, for nothing else is
+        open, and about the start, for it may have to be left."""
+        res = grid.frame.resolution_m
+        reach = math.ceil(min(within_m / res, float(sum(grid.frame.shape)))) + 1
+        escape = math.ceil(config.escape_m / res) + 1
+        all_open = self.least_room_m <= config.unknown_credit_m - 0.5 * res
+        spans: list[int] = []
+        for (first, end), cells, at in zip(grid.known_spans, grid.frame.shape, start, strict=True):
+            if all_open or cells <= _speck_cells(config, res):  # an unknown speck may span the map
+                first, end = 0, cells
+            first, end = min(first, at - escape), max(end, at + escape + 1)
+            spans += [max(0, first, at - reach), min(cells, end, at + reach + 1)]
+        return spans[0], spans[1], spans[2], spans[3]
 
     @property
     def cost_m(self) -> Array:
         """Path length weighted by discomfort to each cell, shape (rows, columns), [m]; inf where there is no way."""
-        first_row, end_row, first_column, end_column = self.reached
+        first_row, end_row, first_column, end_column = self._reached
         costs = np.full(self._costs.shape, np.inf)
         part = np.s_[first_row:end_row, first_column:end_column]
         costs[part] = self._costs[part] * self.frame.resolution_m
-        return costs
+        return costs[1:-1, 1:-1]
 
     @property
     def within(self) -> Mask:
@@ -109,7 +131,7 @@ class SafePaths:
 
     def costs_to_m(self, cells: Cells) -> Array:
         """`cost_m` of cells of the part reached, shape (n, 2): shape (n,)."""
-        return np.asarray(self._costs[cells[:, 0], cells[:, 1]] * self.frame.resolution_m)
+        return np.asarray(self._costs[cells[:, 0] + 1, cells[:, 1] + 1] * self.frame.resolution_m)
 
     def roomiest(self, to_walls_m: Array, least_room_m: float, spacing_m: float) -> Cells:
         """In each square of a lattice, by its row and column, the cell with the most room that the body can be driven
@@ -117,27 +139,87 @@ class SafePaths:
         frame, limits = self.frame, (self.least_room_m, least_room_m)
         corner = frame.x0, frame.y0, frame.resolution_m
         return np.asarray(
-            _roomiest(self._costs, self.room_m, to_walls_m, limits, self.reached, corner, spacing_m)
+            _roomiest(self._costs, self.room_m, to_walls_m, limits, self._reached, corner, spacing_m)
         )
 
     def to(self, x: float, y: float) -> Array | None:
         """The way to a place as a polyline of cell centres, shape (n, 2), map frame, [m]; None where there is none."""
-        row, column = self.frame.cell(x, y)
-        first_row, end_row, first_column, end_column = self.reached
+        row, column = _rimmed(self.frame.cell(x, y))
+        first_row, end_row, first_column, end_column = self._reached
         inside = first_row <= row < end_row and first_column <= column < end_column
         if not inside or not np.isfinite(self._costs[row, column]):
             return None
-        return self.frame.centres(cheapest_way(self._cell_costs, self._costs, (row, column), self.reached))
+        return self.frame.centres(
+            cheapest_way(self._cell_costs, self._costs, (row, column), self._reached) - 1
+        )
 
 
-def _window(frame: GridFrame, start: tuple[int, int], within_m: float) -> Window:
-    """The rows and columns that paths so long can lead to."""
-    rows, columns = frame.shape
-    reach = math.ceil(min(within_m / frame.resolution_m, float(rows + columns))) + 1
-    return (
-        *(max(0, start[0] - reach), min(rows, start[0] + reach + 1)),
-        *(max(0, start[1] - reach), min(columns, start[1] + reach + 1)),
-    )
+def _rimmed(cell: tuple[int, int]) -> tuple[int, int]:
+    """Row and column of a cell where a rim, one cell wide, lies about the grid."""
+    return cell[0] + 1, cell[1] + 1
+
+
+class _Spare:
+    """Arrays of paths that are no more, for the next ones: to touch fresh memory costs as much as to fill it."""
+
+    def __init__(self) -> None:
+        self._costs: list[Array] = []
+        self._entries = np.empty((0, 2), dtype=np.int32)
+
+    def costs(self, shape: tuple[int, ...]) -> Array:
+        """One of this shape."""
+        while self._costs:
+            costs = self._costs.pop()
+            if costs.shape == shape:
+                return costs
+        return np.empty(shape)
+
+    def take_back(self, costs: Array) -> None:
+        """Nobody needs these any more."""
+        self._costs.append(costs)
+
+    def entries(self, cells: int) -> NDArray[np.int32]:
+        """As `spread_costs` takes them for so many cells."""
+        if len(self._entries) < most_entries(cells):
+            self._entries = np.empty((most_entries(cells + cells // 2), 2), dtype=np.int32)
+        return self._entries
+
+
+class _Ground:
+    """What it costs to enter each cell of one map after another: anew only where there is more or less room."""
+
+    def __init__(
+        self, grid: OccupancyGrid, config: PlanningConfig, least_room_m: float, daring: bool
+    ) -> None:
+        self._config, self._least, self._daring = config, least_room_m, daring
+        self._careful, self._to_walls = _kept_clearance(grid, config), grid.to_walls
+        self._changed = [self._careful.distances.watch()]
+        self._changed += [self._to_walls.distances.watch()] if daring else []
+        self._room: Array = np.zeros((0, 0))
+
+    def of(self, grid: OccupancyGrid) -> tuple[Array, Array]:
+        """Room of each cell, shape (rows, columns), [m]; and its cost, inf where there is too little and on a rim about
+        the grid, shape (rows + 2, columns + 2). Both are written to at the next call.
+
+        Who dares takes for room what there is to the unknown with some credit, or to walls where that is less.
+        """
+        careful = self._careful.of(grid)
+        to_walls = self._to_walls.of(grid) if self._daring else careful
+        config, half_cell_m = self._config, 0.5 * grid.frame.resolution_m
+        if self._room.shape != careful.shape:
+            self._room = np.empty(careful.shape)
+            self._costs = np.full((careful.shape[0] + 2, careful.shape[1] + 2), np.inf)
+        room = self._room = self._room if self._daring else careful
+        limits = self._least, config.comfort_m, config.comfort_weight
+        for changed in self._changed:
+            sources = careful, to_walls, self._daring, config.unknown_credit_m, half_cell_m
+            _fill_costs(*sources, changed.take(), *limits, room, self._costs)
+        return room, self._costs
+
+
+def _speck_cells(config: PlanningConfig, resolution_m: float) -> int:
+    """How many cells an unknown speck may have that shuts nothing."""
+    return round(config.speck_m2 / resolution_m**2)
 
 
 def clearance(grid: OccupancyGrid, config: PlanningConfig) -> Array:
@@ -145,9 +227,13 @@ def clearance(grid: OccupancyGrid, config: PlanningConfig) -> Array:
 
     The array holds until the next map is asked for the same (`OccupancyGrid.kept`).
     """
+    return _kept_clearance(grid, config).of(grid)
+
+
+def _kept_clearance(grid: OccupancyGrid, config: PlanningConfig) -> _Clearance:
     res = grid.frame.resolution_m
-    most = round(config.speck_m2 / res**2)
-    return grid.keeper(("clearance", most), lambda: _Clearance(most, res)).of(grid)
+    most = _speck_cells(config, res)
+    return grid.keeper(("clearance", most), lambda: _Clearance(most, res))
 
 
 class _Clearance:
@@ -155,13 +241,13 @@ class _Clearance:
 
     def __init__(self, most: int, cell_m: float) -> None:
         self._holes = WithoutHoles(most)
-        self._distances = Distances(less=0.5, cell_m=cell_m)
+        self.distances = Distances(less=0.5, cell_m=cell_m)
         self._states: States | None = None
 
     def of(self, grid: OccupancyGrid) -> Array:
         if grid.states is not self._states:
             self._states = grid.states
-            self._found = self._distances.of(~(self._holes.of(grid.free) & ~grid.occupied))
+            self._found = self.distances.of(~(self._holes.of(grid.free) & ~grid.occupied))
         return self._found
 
 
@@ -181,22 +267,35 @@ def _escape_zone(grid: OccupancyGrid, start: tuple[int, int], within_m: float) -
 
 
 @kernel
-def _fill_costs(room, window, least, comfort, weight, cost):  # type: ignore[no-untyped-def]
-    """1 in the open, the more the less room, inf where there is too little."""
-    for row in range(window[0], window[1]):
-        for column in range(window[2], window[3]):
-            here = room[row, column]
-            cost[row, column] = np.inf
+def _fill_costs(  # type: ignore[no-untyped-def]
+    careful, to_walls, daring, credit, half_cell, spans, least, comfort, weight, room, costs
+):
+    """Of the cells of the spans, 1 in the open, the more the less room, inf where there is too little."""
+    for row in range(len(spans)):
+        for column in range(spans[row, 0], spans[row, 1] + 1):
+            if daring:
+                room[row, column] = min(careful[row, column] + credit, to_walls[row, column] - half_cell)
+            here, cost = room[row, column], np.inf
             if here >= least:
                 lack = min(1.0, max(0.0, (comfort - here) / (comfort - least)))
-                cost[row, column] = 1.0 + weight * (lack * lack)
+                cost = 1.0 + weight * (lack * lack)
+            costs[row + 1, column + 1] = cost
 
 
 @kernel
 def _roomiest(costs, room, to_walls, limits, reached, corner, spacing):  # type: ignore[no-untyped-def]
-    """The first cell with the most room of those in each square of the lattice; rooms equal to a micrometre are one."""
+    """The first cell with the most room of those in each square of the lattice; rooms equal to a micrometre are one.
+
+    `costs` and what is reached have a rim about the grid.
+    """
     least_room, least_to_walls = limits
     first_row, end_row, first_column, end_column = reached
+    first_row, end_row, first_column, end_column = (
+        first_row - 1,
+        end_row - 1,
+        first_column - 1,
+        end_column - 1,
+    )
     x0, y0, resolution = corner
     lowest = int(math.floor(((first_row + 0.5) * resolution + y0) / spacing))
     leftmost = int(math.floor(((first_column + 0.5) * resolution + x0) / spacing))
@@ -210,7 +309,7 @@ def _roomiest(costs, room, to_walls, limits, reached, corner, spacing):  # type:
     for row in range(first_row, end_row):
         i = int(math.floor(((row + 0.5) * resolution + y0) / spacing)) - lowest
         for column in range(first_column, end_column):
-            reachable = costs[row, column] < np.inf and room[row, column] >= least_room
+            reachable = costs[row + 1, column + 1] < np.inf and room[row, column] >= least_room
             if reachable and to_walls[row, column] >= least_to_walls:
                 here, j = np.rint(room[row, column] * 1e6), square[column]
                 if here > most[i, j]:

@@ -230,3 +230,28 @@ def test_in_each_square_of_the_lattice_the_roomiest_place_to_drive_to_is_chosen(
             expected[tuple(square)] = room, row, column
     found = paths.roomiest(grid.to_walls_m, 0.38, spacing).tolist()
     assert found == [list(expected[square][1:]) for square in sorted(expected)]
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds)
+def test_paths_on_one_map_after_another_are_those_of_each_map_alone(seed):
+    rng = np.random.default_rng(seed)
+    states, kept = np.zeros((40, 45), dtype=np.uint8), dict[str, object]()
+    states[3:37, 3:40] = FREE
+    for step in range(6):
+        if step == 3:  # the map has grown
+            states = np.pad(states, ((20, 0), (0, 20)))
+        frame = GridFrame(0.0, 0.0, 0.05, states.shape)
+        row, column = rng.integers(0, np.array(states.shape) - 12)
+        states[row : row + rng.integers(1, 12), column : column + rng.integers(1, 12)] = rng.integers(3)
+        x, y = frame.centres(rng.permutation(np.argwhere(states == FREE))[:1])[0]
+        for _ in range(3):
+            daring, within_m = bool(rng.integers(2)), rng.choice([np.inf, rng.uniform(0.5, 3.0)])
+            going_on, alone = (
+                SafePaths(OccupancyGrid(frame, states, known), x, y, BODY_M, CONFIG, daring, within_m)
+                for known in (kept, dict[str, object]())
+            )
+            assert (going_on.cost_m == alone.cost_m).all()
+            assert (going_on.within == alone.within).all()
+            assert going_on.within_m == alone.within_m
+        states = states.copy()
