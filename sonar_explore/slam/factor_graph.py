@@ -111,11 +111,13 @@ class FactorGraph:
         self.factors += 1
         return k
 
-    def put_together(self, survivor: int, absorbed: int) -> None:
-        """What was heard of two variables is of one."""
+    def put_together(self, survivor: int, absorbed: int) -> list[int]:
+        """What was heard of two variables is of one; who heard the one that goes."""
         moved = self.ends[:, 1] == absorbed
         self.ends[moved, 1] = survivor
         self.rows[moved] = 0.0
+        heard: list[int] = self.ends[moved, 0].tolist()
+        return heard
 
     def drop(self, factor: int) -> None:
         """It says nothing any more."""

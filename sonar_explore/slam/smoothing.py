@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonar_explore.geometry import Array, Pose
+from sonar_explore.slam.descent import descended
 from sonar_explore.slam.discs import TurnError
 from sonar_explore.slam.elimination import Elimination
 from sonar_explore.slam.factor_graph import CONSTANTS, FactorGraph, FactorKind
@@ -60,13 +61,13 @@ class SmoothingConfig:
     """Of the radius of a column by how widely it is heard, relative."""
     iterations: int = 6
     """Gauss-Newton steps a scan at most, with Cauchy's loss; after a merge half as many with Huber's come first."""
-    still_m: float = 0.002
+    still_m: float = 0.005
     """A step that moves no scan farther is the last, [m]."""
-    still_rad: float = 0.001
+    still_rad: float = 0.002
     """Nor turns any by more, [rad]."""
-    settled_m: float = 0.001
+    settled_m: float = 0.002
     """Scans, and what they heard, stay where they were placed until the solution has moved them by more, [m],"""
-    settled_rad: float = 0.0005
+    settled_rad: float = 0.001
     """or turned them by more, [rad]."""
     renew: float = 0.2
     """A factor whose rows of the Jacobian, with their robust weight, have changed by more than this share goes into the
@@ -88,15 +89,17 @@ class Smoother:
         self._numbers: dict[int, int] = {}
         self._widths: dict[int, tuple[int, int, float]] = {}
         """Of a column's variable: the factor of its radius, how often it was heard, the sum of its radii by width."""
-        self._once: dict[int, Sighting] = {}
-        """Points that were heard in one scan alone: they bind nothing yet."""
+        self._once: dict[int, tuple[int, Sighting]] = {}
+        """Points that were heard in one scan alone, and that scan's variable: they bind nothing yet."""
         self._far_off = True
         """Whether the next solution may be far from here."""
         self._elimination = Elimination()
         self._changed: list[int] = []
-        """Variables that factors were taken from."""
+        """Variables that have other factors since it was solved."""
         self._solved = 0
         """How many variables there were when it was last solved."""
+        self._known = 0
+        """How many factors."""
 
     @property
     def poses(self) -> Array:
@@ -161,14 +164,14 @@ class Smoother:
         if number in self._once:
             self._bind(number)
         elif number not in self._numbers:
-            self._once[number] = sighting
+            self._once[number] = self._scans[sighting.scan], sighting
             return
         self._hear_point(sighting)
 
     def _bind(self, number: int) -> None:
         """A point that was heard once is in the problem from now on."""
-        first = self._once.pop(number)
-        place = self._places([first])[0].tolist()
+        place = self._places([self._once[number]])[0].tolist()
+        _, first = self._once.pop(number)
         if first.radius_m > 0.0:
             point = self._graph.add_variable(*place, first.radius_m)
             self._widths[point] = self._graph.add_factor(FactorKind.RADIUS, point, -1, ()), 0, 0.0
@@ -217,39 +220,30 @@ class Smoother:
             self._put_together(self._chains[survivor], self._chains.pop(absorbed))
 
     def _put_together(self, stays: int, goes: int) -> None:
-        self._graph.put_together(stays, goes)
-        self._changed.append(goes)
+        self._changed += [stays, goes, *self._graph.put_together(stays, goes)]
         self._far_off = True
 
     def points(self) -> tuple[NDArray[np.intp], Array]:
         """Number and place x y, shape (n, 2), [m], of every point so far."""
         numbers = np.array([*self._numbers, *self._once], dtype=np.intp)
         bound = self._graph.values[np.array([*self._numbers.values()], dtype=np.intp), :2]
-        return numbers, np.vstack([bound, self._places(list(self._once.values()))])
+        return numbers, np.concatenate([bound, self._places([*self._once.values()])])
 
     def solve(self) -> None:
         """Move poses, lines, points and the robot's constants to where everything agrees best."""
-        if self._far_off:
-            self._descend(huber=True, steps=self._config.iterations // 2)
-        self._descend(huber=False, steps=self._config.iterations)
-        self._far_off = False
-        self._solved = self._graph.variables
-
-    def _descend(self, *, huber: bool, steps: int) -> None:
-        """Gauss-Newton until the poses stand still; the normal equations are renewed where they changed."""
         graph, config = self._graph, self._config
-        still = config.still_m, config.still_m, config.still_rad
-        for _ in range(steps):
-            touched = np.zeros(graph.variables, dtype=bool)
-            touched[self._changed] = True
-            self._changed.clear()
-            slope = np.empty((graph.variables, 4))
-            self._linearise(huber, config.renew, graph.rows, slope, touched)
-            self._elimination.eliminate(graph, touched)
-            step = self._elimination.solve(slope)
-            graph.values[:] -= step
-            if (np.abs(step[self._scans, :3]) <= still).all():
-                break
+        touched = np.zeros(graph.variables, dtype=bool)
+        touched[self._solved :] = touched[self._changed] = True
+        touched[graph.ends[self._known :]] = True
+        blocks = self._elimination.lay_out(graph, touched)
+        problem = graph.kinds, graph.ends, graph.measured, graph.values, graph.rows
+        poses, still = np.array(self._scans), (config.still_m, config.still_m, config.still_rad)
+        for huber in (True, False) if self._far_off else (False,):
+            steps = config.iterations // 2 if huber else config.iterations
+            descended(problem, blocks, graph.dims, poses, still, huber, config.renew, steps, touched)
+        self._changed.clear()
+        self._far_off = False
+        self._solved, self._known = graph.variables, graph.factors
 
     def _linearise(
         self, huber: bool, tolerance: float, rows: Array, slope: Array, touched: NDArray[np.bool_]
@@ -282,21 +276,20 @@ class Smoother:
             at: where the robot is now, taken as known relative to the last scan.
             normals: of the lines, shape (n, 2), to the side on which the place counts as ahead.
         """
-        line = np.array([self._chains.get(chain, self._solved) for chain in chains], dtype=np.intp)
-        out, known = np.zeros((len(line), 2, 2)), line < self._solved
-        if not known.any():
+        known = [k for k, chain in enumerate(chains) if self._chains.get(chain, self._solved) < self._solved]
+        out = np.zeros((len(chains), 2, 2))
+        if not known:
             return out
-        line, normals = line[known], normals[known]
-        last = self._last_solved
-        angle = self._graph.values[line, 0]
-        c, s = np.cos(angle), np.sin(angle)
+        line, last = [self._chains[chains[k]] for k in known], self._last_solved
+        by_pose, by_line = np.zeros((2, len(known), 4, 2))
         x, y = at.x - self._graph.values[last, 0], at.y - self._graph.values[last, 1]
-        side = np.where((normals * np.column_stack([c, s])).sum(axis=1) >= 0.0, 1.0, -1.0)
-        by_pose, by_line = np.zeros((2, len(line), 4, 2))
+        for i, (k, angle) in enumerate(zip(known, self._graph.values[line, 0].tolist(), strict=True)):
+            c, s = math.cos(angle), math.sin(angle)
+            side = 1.0 if c * normals[k, 0] + s * normals[k, 1] >= 0.0 else -1.0
+            by_pose[i, :3, 1] = side * c, side * s, side * (s * x - c * y)
+            by_line[i, :2, 1] = side * (at.y * c - at.x * s), -side
         by_pose[:, 2, 0], by_line[:, 0, 0] = 1.0, -1.0
-        by_pose[:, 0, 1], by_pose[:, 1, 1], by_pose[:, 2, 1] = side * c, side * s, side * (s * x - c * y)
-        by_line[:, 0, 1], by_line[:, 1, 1] = side * (at.y * c - at.x * s), -side
-        out[known] = self._elimination.covariances(line, by_line, last, by_pose)
+        out[known] = self._elimination.covariances(np.array(line), by_line, last, by_pose)
         return out
 
     def drift(self, scan: int) -> Array:
@@ -319,17 +312,20 @@ class Smoother:
         """
         if not self._solved:
             return np.zeros((len(numbers), 2, 2))
-        last, values = self._last_solved, self._graph.values
-        variable, by = np.empty(len(numbers), dtype=np.intp), np.tile(np.eye(4, 2), (len(numbers), 1, 1))
-        for k, number in enumerate(numbers.tolist()):
-            bound = self._numbers.get(number)
-            if bound is None:
-                variable[k] = self._scans[self._once[number].scan]
-                by[k] = _moves_with(values[variable[k]], at[k])
-            else:
-                variable[k] = bound
-        by_last = -np.array([_moves_with(values[last], place) for place in at])
+        last, named = self._last_solved, numbers.tolist()
+        once = np.array([number in self._once for number in named])
+        variable = np.array([self._once[n][0] if n in self._once else self._numbers[n] for n in named])
+        by = np.zeros((len(named), 4, 2))
+        by[:, 0, 0] = by[:, 1, 1] = 1.0
+        by_last = -by
+        by[:, 2, 0], by[:, 2, 1] = once * self._lever(variable, at)
+        by_last[:, 2, 0], by_last[:, 2, 1] = -self._lever(last, at)
         return self._elimination.covariances(variable, by, last, by_last)
+
+    def _lever(self, variable: NDArray[np.intp] | int, at: Array) -> Array:
+        """How places x y, shape (n, 2), that turn about a variable, or one each, move, shape (2, n), [m/rad]."""
+        x, y = (at - self._graph.values[variable, :2]).T
+        return np.array([-y, x])
 
     @property
     def _last_solved(self) -> int:
@@ -342,18 +338,15 @@ class Smoother:
         error = float(self._graph.values[CONSTANTS, 0]) + own
         return float(heading + sighting.bearing_rad + sighting.sweep_rad * error)
 
-    def _places(self, sightings: list[Sighting]) -> Array:
+    def _places(self, heard: Sequence[tuple[int, Sighting]]) -> Array:
         """Where points are by one scan each, x y, shape (n, 2), [m]."""
-        heard = [(s.scan, s.bearing_rad, s.sweep_rad, s.range_m, s.radius_m) for s in sightings]
-        scan, bearing, sweep, range_m, radius = np.array(heard).reshape(-1, 5).T
-        at = self._graph.values[np.array(self._scans, dtype=np.intp)[scan.astype(np.intp)]]
-        turn_error, _, scale = self.constants
+        rows = [(scan, *sighting.as_row()[2:]) for scan, sighting in heard]
+        scan, bearing, sweep, range_m, _, radius = np.array(rows).reshape(-1, 6).T
+        at = self._graph.values[scan.astype(np.intp)]
+        turn_error, _, scale = self._graph.values[CONSTANTS, :3].tolist()
         angle = at[:, 2] + bearing + sweep * (turn_error + at[:, 3])
         depth = range_m * (1.0 + scale) + radius
-        return np.asarray(at[:, :2] + depth[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]))
-
-
-def _moves_with(pose: Array, place: Array) -> Array:
-    """Derivative of a place x y by the pose that it moves with, shape (4, 2)."""
-    x, y = place - pose[:2]
-    return np.array([[1.0, 0.0], [0.0, 1.0], [-y, x], [0.0, 0.0]])
+        out: Array = at[:, :2].copy()
+        out[:, 0] += depth * np.cos(angle)
+        out[:, 1] += depth * np.sin(angle)
+        return out

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sonar_explore.slam import elimination
+from sonar_explore.slam.cholesky import eliminated, solved
 from sonar_explore.slam.elimination import Elimination
 from sonar_explore.slam.factor_graph import FactorGraph, FactorKind
 
@@ -57,8 +58,21 @@ class Grown:
         touched = np.zeros(self.graph.variables, dtype=bool)
         touched[list(self._touched)] = True
         self._touched.clear()
-        self.elimination.eliminate(self.graph, touched)
+        graph = self.graph
+        self.blocks = self.elimination.lay_out(graph, touched)
+        starts, factors, order, rank, layout, struct, factor = self.blocks
+        eliminated(
+            *(starts, factors, graph.ends, graph.rows, order, rank, graph.dims),
+            *(touched, layout, struct, factor),
+        )
         return touched
+
+    def solved(self, right, blocks=None):
+        """With the factor as it is, or as it was laid out."""
+        _, _, order, _, layout, struct, factor = blocks or self.blocks
+        out = right.copy()
+        solved(order, self.graph.dims, layout, struct, factor, out)
+        return out
 
     def dense(self):
         """J'J over all numbers that the variables have, and which of the four of each they are."""
@@ -76,7 +90,7 @@ class Grown:
 def check(grown):
     normal, used = grown.dense()
     right = np.where(used, grown.rng.normal(size=used.shape), 0.0)
-    found = grown.elimination.solve(right)
+    found = grown.solved(right)
     np.testing.assert_allclose(found[used], np.linalg.solve(normal, right[used]), atol=1e-7)
     assert (found[~used] == 0.0).all()
 
@@ -187,9 +201,10 @@ def test_the_order_takes_what_is_tied_to_least_first_and_the_constants_last():
 
 def test_a_copy_goes_its_own_way():
     grown = chain_of(20)
-    right = np.ones((grown.graph.variables, 4)) * (np.arange(4) < grown.graph.dims[:, None])
-    kept, before = grown.elimination.copy(), grown.elimination.solve(right)
-    grown.renew(5)
+    by = np.eye(4, 2)[None]
+    before = grown.elimination.covariances(np.array([5]), by, 9, -by)
+    kept = grown.elimination.copy()
+    grown.renew(11)
     grown.eliminated()
-    assert (kept.solve(right) == before).all()
-    assert (grown.elimination.solve(right) != before).any()
+    assert (kept.covariances(np.array([5]), by, 9, -by) == before).all()
+    assert (grown.elimination.covariances(np.array([5]), by, 9, -by) != before).any()
