@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -202,19 +202,24 @@ class Explorer:
         corners = path[: np.searchsorted(np.cumsum(np.hypot(*np.diff(path, axis=0).T)), driven[stop]) + 1]
         return np.vstack([corners, points[stop : stop + 1]])
 
-    def _all_traced(self, odometry: Sequence[Pose]) -> list[Pose]:
-        """`_traced` at each of these readings of the odometry."""
-        return [self._noted(pose) for pose in self._slam.predict_along(odometry)]
+    def _all_traced(self, odometry: Array) -> Array:
+        """`_traced` at each of these readings of the odometry: x y [m] heading [rad], shape (n, 3) both."""
+        poses = self._slam.predict_along(odometry)
+        for x, y, heading in poses.tolist():
+            self._note(x, y, heading)
+        return poses
 
     def _traced(self) -> Pose:
         """`pose`, noting the way every 5 cm."""
-        return self._noted(self.pose())
-
-    def _noted(self, here: Pose) -> Pose:
-        if not self._leg_trail or here.distance_to(self._leg_trail[-1]) >= 0.05:
-            self._leg_trail.append(here)
-            self._surroundings.add_body(here)
+        here = self.pose()
+        self._note(here.x, here.y, here.heading)
         return here
+
+    def _note(self, x: float, y: float, heading: float) -> None:
+        last = self._leg_trail[-1] if self._leg_trail else None
+        if last is None or math.hypot(last.x - x, last.y - y) >= 0.05:
+            self._leg_trail.append(Pose(x, y, heading))
+            self._surroundings.add_body(self._leg_trail[-1])
 
     def _remember_shut(self, report: DriveReport) -> None:
         self._surroundings.add_obstacle(self.pose(), report.obstacle)

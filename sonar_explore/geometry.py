@@ -64,6 +64,10 @@ class Pose:
         c, s = math.cos(self.heading), math.sin(self.heading)
         return points @ np.array([[c, s], [-s, c]]) + (self.x, self.y)
 
+    def as_row(self) -> tuple[float, float, float]:
+        """(x, y, heading), [m] and [rad]: a row of an array of poses, shape (n, 3)."""
+        return self.x, self.y, self.heading
+
     def distance_to(self, other: Pose) -> float:
         """Distance between the two origins, [m]."""
         return math.hypot(other.x - self.x, other.y - self.y)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Protocol
 
 from sonar_explore.geometry import Array, Pose
@@ -37,9 +36,9 @@ class Robot(Protocol):
         """Drive at these speeds for one ping interval; the next disc of the ring fires at its end."""
         ...
 
-    def turn(self, turn_rates_rad_s: Array) -> tuple[Sequence[Pose], Array]:
-        """Tick on the spot at each of these rates, shape (n,), n > 0: `pose_robot_in_odometry` and `ring_m`, shape
-        (n, 8), after each."""
+    def turn(self, turn_rates_rad_s: Array) -> tuple[Array, Array]:
+        """Tick on the spot at each of these rates, shape (n,), n > 0: `pose_robot_in_odometry`, x y [m] heading [rad],
+        shape (n, 3), and `ring_m`, shape (n, 8), after each."""
         ...
 
     def scan(self, direction: int) -> Scan:

@@ -120,12 +120,12 @@ class Simulator:
         self.ring_m[disc] = measured_once(range_m, self._range_scale, self.config.sonar, self._rng)
         self._next_disc = (disc + 1) % len(self._mounts)
 
-    def turn(self, turn_rates_rad_s: Array) -> tuple[Sequence[Pose], Array]:
+    def turn(self, turn_rates_rad_s: Array) -> tuple[Array, Array]:
         """A tick on the spot at each rate, with the draws of single ones: all fire from one place, in one call."""
-        robot, ticks, rng = self.config.robot, len(turn_rates_rad_s), self._rng
+        robot, ticks = self.config.robot, len(turn_rates_rad_s)
         most = robot.turn_rate_max_rad_s
         turns = np.clip(turn_rates_rad_s, -most, most) * robot.ping_interval_s
-        draws = np.array([_draws_of_a_tick(rng) for _ in range(ticks)])
+        draws = _draws_of_ticks(self._rng, ticks)
         true_headings = running_sum(self.true_pose.heading, self._wheels.true_turns_by(turns, draws[:, 1]))
         counted = running_sum(self.pose_robot_in_odometry.heading, turns)
         fired = (self._next_disc + np.arange(ticks)) % len(self._mounts)
@@ -134,16 +134,17 @@ class Simulator:
         heard, _ = echoes(self._scene, discs, self.config.sonar)
         ranges = measured_by(heard, self._range_scale, self.config.sonar, draws[:, 2], draws[:, 3])
         rings = np.empty((ticks, len(self._mounts)))
+        rings[:] = self.ring_m
         for k, disc in enumerate(fired.tolist()):
-            rings[k] = self.ring_m if k == 0 else rings[k - 1]
-            rings[k, disc] = ranges[k]
+            rings[k:, disc] = ranges[k]
         first = replace(self.true_pose, heading=float(true_headings[1]))
         if not self.true_trail or first.distance_to(self.true_trail[-1]) >= 0.05:
             self.true_trail.append(first)
-        began = self.pose_robot_in_odometry
-        odometry = [Pose(began.x, began.y, heading) for heading in counted[1:].tolist()]
+        odometry = np.empty((ticks, 3))
+        odometry[:] = self.pose_robot_in_odometry.as_row()
+        odometry[:, 2] = counted[1:]
         self.true_pose = replace(self.true_pose, heading=float(true_headings[-1]))
-        self.pose_robot_in_odometry, self.ring_m = odometry[-1], rings[-1].copy()
+        self.pose_robot_in_odometry, self.ring_m = Pose(*odometry[-1].tolist()), rings[-1].copy()
         self._state[[TRUE, ODOMETRY], 2] = true_headings[-1], counted[-1]
         self._next_disc = (self._next_disc + ticks) % len(self._mounts)
         self.bumper = False
@@ -151,12 +152,12 @@ class Simulator:
             self.time_s += robot.ping_interval_s
         return odometry, rings
 
-    def drive_straight(self, bit: StraightBit) -> tuple[Sequence[Pose], Array]:
-        """Ticks on a straight bit of way until something is to be decided, with the draws of single ones:
-        `pose_robot_in_odometry` and `ring_m`, shape (n, 8), after each. Belief and echoes go on with them."""
+    def drive_straight(self, bit: StraightBit) -> tuple[Array, Array]:
+        """Ticks on a straight bit of way until something is to be decided, with the draws of single ones: what `turn`
+        returns. Belief and echoes go on with them."""
         robot, generator = self.config.robot, self._rng.bit_generator
         before = generator.state
-        draws = np.array([_draws_of_a_tick(self._rng) for _ in range(bit.most_ticks)])
+        draws = _draws_of_ticks(self._rng, bit.most_ticks)
         echoes = bit.echoes.as_kernels_take_it(bit.most_ticks)
         progress = np.array([bit.since_glance_m, self.time_s, self.driven_m])
         true, odometry = np.empty((2, bit.most_ticks, 3))
@@ -188,21 +189,21 @@ class Simulator:
         )
         if ticks < bit.most_ticks:  # what was drawn too much is drawn again
             generator.state = before
-            for _ in range(ticks):
-                _draws_of_a_tick(self._rng)
+            _draws_of_ticks(self._rng, ticks)
         bit.echoes.holds(held)
         bit.since_glance_m, self.time_s, self.driven_m = progress.tolist()
-        poses = [Pose(*row) for row in odometry[:ticks].tolist()]
         for x, y, heading in true[:ticks].tolist():
-            self.true_pose = Pose(x, y, heading)
-            if not self.true_trail or self.true_pose.distance_to(self.true_trail[-1]) >= 0.05:
-                self.true_trail.append(self.true_pose)
+            last = self.true_trail[-1] if self.true_trail else None
+            if last is None or math.hypot(last.x - x, last.y - y) >= 0.05:
+                self.true_trail.append(Pose(x, y, heading))
         if ticks:
             touching = bool(self._state[OUTCOME, 1])
             self.contacts += touching and not (ticks == 1 and self.bumper)
-            self.bumper, self.ring_m, self.pose_robot_in_odometry = touching, ring, poses[-1]
+            self.bumper, self.ring_m = touching, ring
+            self.true_pose = Pose(*true[ticks - 1].tolist())
+            self.pose_robot_in_odometry = Pose(*odometry[ticks - 1].tolist())
         self._next_disc = (self._next_disc + ticks) % len(self._mounts)
-        return poses, rings[:ticks]
+        return odometry[:ticks], rings[:ticks]
 
     def scan(self, direction: int) -> Scan:
         """Turn once on the spot. The odometry error acts during the turn: the scan is smeared."""
@@ -282,6 +283,12 @@ class Simulator:
         return measured(ranges, self._range_scale, self.config.sonar, self._rng)
 
 
-def _draws_of_a_tick(rng: np.random.Generator) -> tuple[float, ...]:
-    """In their order: of the way, of the turn, of the range; and the chance that the ping goes unheard."""
-    return (*rng.standard_normal(3).tolist(), rng.random())
+def _draws_of_ticks(rng: np.random.Generator, ticks: int) -> Array:
+    """In the order of single ticks, shape (ticks, 4): of the way, of the turn, of the range; and the chance that the
+    ping goes unheard."""
+    draws = np.empty((ticks, 4))
+    normal, uniform = rng.standard_normal, rng.random
+    for z, chance in zip(draws[:, :3], draws[:, 3:], strict=True):
+        normal(out=z)
+        uniform(out=chance)
+    return draws

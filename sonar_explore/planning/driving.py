@@ -70,7 +70,7 @@ class Driver:
         pose: Callable[[], Pose],
         points: Callable[[], Array],
         config: DrivingConfig,
-        poses: Callable[[Sequence[Pose]], Sequence[Pose]] | None = None,
+        poses: Callable[[Array], Array] | None = None,
         belief: Callable[[], Array | None] = lambda: None,
     ) -> None:
         """
@@ -80,7 +80,8 @@ class Driver:
             pose: where it believes to be now, `pose_robot_in_map`.
             points: edges and corners on the map now, not walls, x y, shape (n, 2), [m].
             config: how to drive.
-            poses: carries that belief along several readings of the odometry; None where it must be asked each time.
+            poses: carries that belief along several readings of the odometry, x y [m] heading [rad], shape (n, 3) both;
+                None where it must be asked each time.
             belief: what `odometry_filter.carried` carries it by; None where it cannot.
         """
         self._belief = belief
@@ -171,12 +172,12 @@ class Driver:
             most_ticks=min(ticks, cfg.most_ticks - self._ticks),
         )
         odometry, rings = drive_straight(bit)
-        if not odometry:
+        if not len(odometry):
             return False
         self._ticks += len(odometry)
         self._since_glance = bit.since_glance_m
         poses = self._poses(odometry)
-        self._here = poses[-1]
+        self._here = Pose(*poses[-1].tolist())
         self._passing.note(poses, rings)
         return True
 
@@ -209,10 +210,10 @@ class Driver:
     def _tick(self, speed_m_s: float, turn_rate_rad_s: float) -> None:
         self._ticks += 1
         self._robot.tick(speed_m_s, turn_rate_rad_s)
-        self._note((self._pose(),), self._robot.ring_m[None])
+        self._note(np.array([self._pose().as_row()]), self._robot.ring_m[None])
 
-    def _note(self, poses: Sequence[Pose], rings_m: Array) -> None:
-        self._here = poses[-1]
+    def _note(self, poses: Array, rings_m: Array) -> None:
+        self._here = Pose(*poses[-1].tolist())
         self._echoes.note(poses, rings_m)
         self._passing.note(poses, rings_m)
 

@@ -8,7 +8,7 @@ and right in tight places, so that this memory has no gap.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
@@ -49,19 +49,18 @@ class EchoMemory:
         self._count = 0
         self._last: Array = np.full(len(body.sonars), body.range_max_m)
 
-    def note(self, poses_robot_in_map: Sequence[Pose], rings_m: Array) -> None:
+    def note(self, poses_robot_in_map: Array, rings_m: Array) -> None:
         """Take the discs that have fired since the last call.
 
         Args:
-            poses_robot_in_map: of some ticks, in order.
+            poses_robot_in_map: of some ticks, in order: x y [m] heading [rad], shape (ticks, 3).
             rings_m: latest echo of each disc after each tick, shape (ticks, discs), [m].
         """
         self._make_room(rings_m.size)
-        poses = np.array([(pose.x, pose.y, pose.heading) for pose in poses_robot_in_map])
         self._count = note_echoes(
             self._pieces,
             self._count,
-            poses,
+            poses_robot_in_map,
             rings_m,
             self._last,
             self._mounts,

@@ -8,13 +8,12 @@ wall on the way. An edge answers from one place: the echoes of a few pings in li
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonar_explore.amigobot import AmigoBot
-from sonar_explore.geometry import Array, Pose, wrap_angle
+from sonar_explore.geometry import Array, wrap_angle
 from sonar_explore.mapping.grid import Mask
 
 NEAREST_M = 0.15  # the dead zone
@@ -31,28 +30,29 @@ class Passing:
 
     def __init__(self, body: AmigoBot) -> None:
         self._mounts = np.array([(disc.x, disc.y, disc.heading) for disc in body.sonars])
-        self._poses: list[Pose] = []
-        self._rings: list[Array] = [np.full(len(body.sonars), body.range_max_m)]
+        self._poses: list[Array] = []
+        self._rings: list[Array] = [np.full((1, len(body.sonars)), body.range_max_m)]
 
-    def note(self, poses_robot_in_map: Sequence[Pose], rings_m: Array) -> None:
-        """The robot was here at some ticks, in order; latest echo of each disc, shape (ticks, discs), [m]."""
-        self._poses.extend(poses_robot_in_map)
-        self._rings.extend(rings_m)
+    def note(self, poses_robot_in_map: Array, rings_m: Array) -> None:
+        """The robot was here at some ticks, in order, x y [m] heading [rad], shape (ticks, 3); latest echo of each
+        disc, shape (ticks, discs), [m]."""
+        self._poses.append(poses_robot_in_map)
+        self._rings.append(rings_m)
 
     def forget(self) -> None:
         """A scan was taken."""
-        del self._poses[:], self._rings[:-1]
+        self._poses, self._rings = [], [self._rings[-1][-1:]]
 
     def walls(self) -> Array:
         """Pieces of wall that it was sure of on the way, shape (n, 4), map frame, [m]."""
         if not self._poses:
             return np.zeros((0, 4))
-        rings = np.array(self._rings)
+        rings = np.concatenate(self._rings)
         tick, disc = np.nonzero(rings[1:] != rings[:-1])
         heard = rings[1:][tick, disc]
         near = (heard >= NEAREST_M) & (heard <= FARTHEST_M)
         tick, disc, heard = tick[near], disc[near], heard[near]
-        x, y, heading = np.array([(p.x, p.y, p.heading) for p in self._poses])[tick].T
+        x, y, heading = np.concatenate(self._poses)[tick].T
         mount_x, mount_y, axis = self._mounts[disc].T
         c, s, axis = np.cos(heading), np.sin(heading), heading + axis
         discs = np.column_stack([x + c * mount_x - s * mount_y, y + s * mount_x + c * mount_y])

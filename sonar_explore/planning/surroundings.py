@@ -35,7 +35,9 @@ class Surroundings:
         self._mapper = OccupancyMapper(config.mapping, body.radius_m, body.range_reliable_m)
         self._looks: list[Look] = []
         self._trails: list[Array] = []
-        """Where the body has been since each scan, in that scan's frame."""
+        """Where the body has been since each scan, in that scan's frame,"""
+        self._been: list[tuple[float, float]] = []
+        """and where since the last of them was looked at."""
         self._obstacles: list[tuple[int, Array]] = []
         """Where the ring shut the way: index of the last scan, and a piece of wall in its robot frame."""
         self._grids: dict[bool, OccupancyGrid] = {}
@@ -58,7 +60,7 @@ class Surroundings:
             obstacles = [poses[i].transform(o.reshape(-1, 2)).reshape(-1, 4) for i, o in self._obstacles]
             walls = np.vstack(obstacles) if obstacles else np.zeros((0, 4))
             self._grids[self.doubtful] = self._mapper.draw(
-                poses, self._looks, self._trails, walls, doubtful=self.doubtful
+                poses, self._looks, self._trails_so_far(), walls, doubtful=self.doubtful
             )
         return self._grids[self.doubtful]
 
@@ -81,6 +83,7 @@ class Surroundings:
 
     def add_scan(self, scan: Scan, features: Sequence[Feature]) -> None:
         """The last scan that SLAM has taken; the map is believed again."""
+        self._trails_so_far()
         self._looks.append(look_of(scan, features, self._config.mapping))
         self._trails.append(np.zeros((1, 2)))
         self.doubtful = False
@@ -89,7 +92,7 @@ class Surroundings:
     def add_body(self, here: Pose) -> None:
         """The body is here: there is room for it. On the map from the next change on."""
         in_scan = self._slam.scans[-1].pose.inverse() @ here
-        self._trails[-1] = np.vstack([self._trails[-1], (in_scan.x, in_scan.y)])
+        self._been.append((in_scan.x, in_scan.y))
 
     def add_passed(self, walls: Array) -> None:
         """Pieces of wall that the ring was sure of since the last scan, shape (n, 4), map frame, [m]; on the map from
@@ -156,7 +159,7 @@ class Surroundings:
 
     def way_so_far(self) -> tuple[Array, NDArray[np.intp]]:
         """Where the body has been in order, map frame, shape (n, 2), [m]; and which of it are scan positions."""
-        parts = [e.pose.transform(t) for e, t in zip(self._slam.scans, self._trails, strict=True)]
+        parts = [e.pose.transform(t) for e, t in zip(self._slam.scans, self._trails_so_far(), strict=True)]
         begins = np.cumsum([0, *(len(part) for part in parts[:-1])])
         return np.vstack(parts), begins
 
@@ -164,6 +167,12 @@ class Surroundings:
     def recent_points(self) -> Array:
         """Edges, corners and thin columns that the last scans saw, x y, shape (n, 2), map frame, [m]."""
         return self._mapper.recent_points
+
+    def _trails_so_far(self) -> list[Array]:
+        if self._been:
+            self._trails[-1] = np.concatenate([self._trails[-1], self._been])
+            self._been = []
+        return self._trails
 
     def _changed(self) -> None:
         self.version += 1

@@ -81,15 +81,15 @@ class _Overheard:
         self._robot.tick(speed_m_s, turn_rate_rad_s)
 
     @property
-    def drive_straight(self) -> Callable[[StraightBit], tuple[Sequence[Pose], Array]] | None:
+    def drive_straight(self) -> Callable[[StraightBit], tuple[Array, Array]] | None:
         """Drive a straight bit, where the robot can; the pose after each tick is noted down."""
         drive = getattr(self._robot, "drive_straight", None)
         return None if drive is None else lambda bit: self._straight_noted(*drive(bit))
 
-    def _straight_noted(self, odometry: Sequence[Pose], rings_m: Array) -> tuple[Sequence[Pose], Array]:
+    def _straight_noted(self, odometry: Array, rings_m: Array) -> tuple[Array, Array]:
         return self._noted(odometry), rings_m
 
-    def turn(self, turn_rates_rad_s: Array) -> tuple[Sequence[Pose], Array]:
+    def turn(self, turn_rates_rad_s: Array) -> tuple[Array, Array]:
         """Turn on the spot tick by tick at these rates [rad/s]; the pose after each is noted down."""
         odometry, rings = self._robot.turn(turn_rates_rad_s)
         return self._noted(odometry), rings
@@ -102,8 +102,8 @@ class _Overheard:
         """A turn of the ring, +1 to the left or -1 to the right, noted down."""
         return self._note(self._robot.ring_scan(direction))
 
-    def _noted(self, odometry: Sequence[Pose]) -> Sequence[Pose]:
-        self._entries.extend(odometry)
+    def _noted(self, odometry: Array) -> Array:
+        self._entries.extend(Pose(*row) for row in odometry.tolist())
         return odometry
 
     def _note(self, scan: Scan) -> Scan:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -149,8 +148,8 @@ class Slam(Protocol):
         """Carry the belief along with the odometry since the last call."""
         ...
 
-    def predict_along(self, odometry: Sequence[Pose]) -> list[Pose]:
-        """`predict` at each of these readings."""
+    def predict_along(self, odometry: Array) -> Array:
+        """`predict` at each of these readings: x y [m] heading [rad], shape (n, 3) both."""
         ...
 
     @property

@@ -55,8 +55,12 @@ class MotionSum:
     def add(self, *odometry: Pose) -> None:
         """From each of these readings to the next, `pose_robot_in_odometry`: bits that are nearly straight, or turns on
         the spot."""
+        self.add_along(np.array([pose.as_row() for pose in odometry]))
+
+    def add_along(self, odometry: Array) -> None:
+        """The same of readings x y [m] heading [rad], shape (n, 3)."""
         _add(
-            np.array([(pose.x, pose.y, pose.heading) for pose in odometry]),
+            odometry,
             self._variances,
             self._own_left_rad,
             self._change,

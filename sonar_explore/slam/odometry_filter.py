@@ -11,7 +11,6 @@ with them.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,15 +108,17 @@ class OdometryFilter:
         heading = turn * (1.0 + self.turn_error) + own * self.own_error + x * self.bend_rad_m
         return Pose(pose.x + c * x - s * y, pose.y + s * x + c * y, pose.heading + heading)
 
-    def moved_along(self, pose: Pose, before: Pose, after: Sequence[Pose]) -> list[Pose]:
-        """`moved` from each reading of the odometry to the next, in one call; the pose after each."""
+    def moved_along(self, pose: Pose, before: Pose, after: Array) -> Array:
+        """`moved` from each reading of the odometry to the next, in one call; the pose after each: x y [m] heading
+        [rad], shape (n, 3) both."""
         if not self.config.enabled:
-            found = [pose]
-            for here in after:
-                found.append(self.moved(found[-1], before, here))
+            found = []
+            for here in (Pose(*row) for row in after.tolist()):
+                pose = self.moved(pose, before, here)
+                found.append(pose.as_row())
                 before = here
-            return found[1:]
-        odometry = np.array([(p.x, p.y, p.heading) for p in (before, *after)])
+            return np.array(found)
+        odometry = np.concatenate([[before.as_row()], after])
         belief = self.belief(pose)
         poses, spreads = np.empty((len(after), 3)), np.empty((len(after), 5))
         for bit in spreads[: _carried_along(odometry, belief, poses, spreads)].tolist():
@@ -126,9 +127,8 @@ class OdometryFilter:
         self._forward_m, self._turn_rad, self._turned_rad, self._own_rad, self._own_left_rad = belief[
             SUMS:
         ].tolist()
-        found = [Pose(*row) for row in poses.tolist()]
-        self._heading_rad = (pose, *found)[-2].heading
-        return found
+        self._heading_rad = float(poses[-2, 2]) if len(poses) > 1 else pose.heading
+        return poses
 
     def belief(self, pose: Pose) -> Array:
         """All that `carried` needs to go on from here."""

@@ -64,12 +64,12 @@ class ChainSlam:
         self._odometry = pose_robot_in_odometry
         return self.pose
 
-    def predict_along(self, odometry: Sequence[Pose]) -> list[Pose]:
-        """`predict` at each of these readings, the pose after each."""
+    def predict_along(self, odometry: Array) -> Array:
+        """`predict` at each of these readings, the pose after each: x y [m] heading [rad], shape (n, 3) both, n > 0."""
         if self._odometry is None:
-            return [self.predict(pose) for pose in odometry]
+            return np.array([self.predict(Pose(*row)).as_row() for row in odometry.tolist()])
         poses = self._filter.moved_along(self.pose, self._odometry, odometry)
-        self.pose, self._odometry = poses[-1], odometry[-1]
+        self.pose, self._odometry = Pose(*poses[-1].tolist()), Pose(*odometry[-1].tolist())
         return poses
 
     @property

@@ -45,10 +45,10 @@ class SmoothedSlam(ChainSlam):
             self._motion.add(self._odometry, pose_robot_in_odometry)
         return super().predict(pose_robot_in_odometry)
 
-    def predict_along(self, odometry: Sequence[Pose]) -> list[Pose]:
+    def predict_along(self, odometry: Array) -> Array:
         """`predict` at each of these readings, the pose after each."""
         if self._odometry is not None:
-            self._motion.add(self._odometry, *odometry)
+            self._motion.add_along(np.concatenate([[self._odometry.as_row()], odometry]))
         return super().predict_along(odometry)
 
     def update(self, scan: Scan) -> ScanUpdate:

@@ -173,7 +173,7 @@ def test_turning_in_one_call_measures_what_single_ticks_do(seed):
     odometry, rings = at_once.turn(rates)
     for k, rate in enumerate(rates.tolist()):
         one_by_one.tick(0.0, rate)
-        assert odometry[k] == one_by_one.pose_robot_in_odometry
+        assert tuple(odometry[k]) == one_by_one.pose_robot_in_odometry.as_row()
         assert (rings[k] == one_by_one.ring_m).all()
     assert at_once.true_pose == one_by_one.true_pose and at_once.true_trail == one_by_one.true_trail
     assert (at_once.time_s, at_once.bumper) == (one_by_one.time_s, one_by_one.bumper)

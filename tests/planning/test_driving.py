@@ -83,7 +83,7 @@ def test_after_a_scan_what_was_heard_before_no_longer_bars_the_way():
 def test_turns_in_one_call_are_those_of_single_ticks():
     path = np.array([[0.0, 0.0], [1.0, 0.5], [1.2, -0.8], [-0.6, -0.6]])
     ends = []
-    for poses in (None, list):  # odometry is believed as it is
+    for poses in (None, np.array):  # odometry is believed as it is
         robot, driver = driver_in(FENCE, Pose(0.0, 0.0, 2.0))
         driver._pose, driver._poses = partial(getattr, robot, "pose_robot_in_odometry"), poses
         assert driver.follow(path - path[0]).end is DriveEnd.ARRIVED

@@ -17,6 +17,10 @@ AHEAD_M, ROOM_M = 0.14, 0.21
 poses = st.builds(Pose, st.floats(-3, 3), st.floats(-3, 3), st.floats(-7, 7))
 
 
+def row(pose):
+    return np.array([pose.as_row()])
+
+
 def memory(pose, heard, is_point=False):
     """After the discs named have heard something at these ranges."""
     discs = [pose @ BODY.sonars[i] for i in heard]
@@ -24,7 +28,7 @@ def memory(pose, heard, is_point=False):
     echoes = EchoMemory(BODY, lambda: np.array(feet if is_point else []).reshape(-1, 2))
     ring = np.full(8, BODY.range_max_m)
     ring[list(heard)] = list(heard.values())
-    echoes.note((pose,), ring[None])
+    echoes.note(row(pose), ring[None])
     return echoes
 
 
@@ -81,7 +85,7 @@ def test_forget_forgets_and_an_old_echo_is_not_taken_again():
     ring[2] = 0.1
     echoes.forget()
     assert echoes.in_the_way(here, AHEAD_M, ROOM_M) is None
-    echoes.note((here,), ring[None])  # the same reading stands: disc 2 has not fired anew
+    echoes.note(row(here), ring[None])  # the same reading stands: disc 2 has not fired anew
     assert echoes.in_the_way(here, AHEAD_M, ROOM_M) is None
 
 
@@ -91,7 +95,7 @@ def test_what_is_far_behind_is_dropped_when_something_new_is_heard(far_m, kept):
     echoes = memory(here, {2: 0.05, 3: 0.05})
     ring = np.full(8, BODY.range_max_m)
     ring[6] = 0.7
-    echoes.note((there,), ring[None])
+    echoes.note(row(there), ring[None])
     assert (echoes.in_the_way(here, AHEAD_M, ROOM_M) is not None) == kept
 
 
@@ -106,7 +110,7 @@ def test_a_wall_that_the_next_ping_should_have_heard_bars_nothing_but_its_foot(
     for again in range(2):  # the first doubts the wall, the second the edge that may be all there is of it
         ring = ring.copy()
         ring[disc] = range_m + farther_m + 0.001 * again
-        echoes.note((pose,), ring[None])
+        echoes.note(row(pose), ring[None])
         obstacle = echoes.in_the_way(pose, AHEAD_M, ROOM_M)
         if again == 0 and obstacle is not None:
             assert np.ptp(obstacle, axis=0).max() == pytest.approx(0.0, abs=1e-9)
@@ -123,7 +127,7 @@ def test_a_wall_that_goes_on_being_heard_goes_on_barring_the_way(pose, disc, ran
     for again in range(times):
         ring = np.full(8, BODY.range_max_m)
         ring[disc] = range_m + 0.002 * (again % 2)
-        echoes.note((pose,), ring[None])
+        echoes.note(row(pose), ring[None])
     assert np.ptp(echoes.in_the_way(pose, AHEAD_M, ROOM_M), axis=0).max() > 0.2
 
 
@@ -131,7 +135,7 @@ def test_a_wall_that_goes_on_being_heard_goes_on_barring_the_way(pose, disc, ran
 @given(poses, st.sampled_from([2, 3]))
 def test_a_single_ping_that_heard_nothing_may_have_gone_unheard(pose, disc):
     echoes = memory(pose, {disc: 0.1})
-    echoes.note((pose,), np.full((1, 8), BODY.range_max_m))
+    echoes.note(row(pose), np.full((1, 8), BODY.range_max_m))
     assert np.ptp(echoes.in_the_way(pose, AHEAD_M, ROOM_M), axis=0).max() > 0.2
 
 
@@ -143,7 +147,7 @@ def test_a_single_ping_that_heard_nothing_may_have_gone_unheard(pose, disc):
 )
 def test_many_ticks_in_one_call_leave_the_memory_of_single_ones(ticks):
     together, single = (EchoMemory(BODY, lambda: np.zeros((0, 2))) for _ in range(2))
-    together.note([pose for pose, _ in ticks], np.array([ring for _, ring in ticks]))
+    together.note(np.vstack([row(pose) for pose, _ in ticks]), np.array([ring for _, ring in ticks]))
     for pose, ring in ticks:
-        single.note((pose,), np.array([ring]))
+        single.note(row(pose), np.array([ring]))
     assert np.array_equal(together._pieces[: together._count], single._pieces[: single._count])

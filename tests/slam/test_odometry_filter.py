@@ -145,7 +145,8 @@ def test_a_belief_carried_along_in_one_call_is_that_of_single_bits(enabled, scan
         belief._own_left_rad = scan_turn
         poses = [Pose(1.0, 2.0, 0.5)]
         if together:
-            poses += belief.moved_along(poses[0], readings[0], readings[1:])
+            along = np.array([reading.as_row() for reading in readings[1:]])
+            poses += [Pose(*row) for row in belief.moved_along(poses[0], readings[0], along).tolist()]
         else:
             for before, after in pairwise(readings):
                 poses.append(belief.moved(poses[-1], before, after))
