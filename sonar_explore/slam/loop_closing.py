@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.compiled import kernel
+from sonar_explore.compiled import kernel, lean_kernel
 from sonar_explore.geometry import Array
 
 
@@ -80,26 +80,35 @@ def closed(
         about: where the robot is now, shape (2,), [m].
         prior: covariance of its x, y [m] and heading [rad] relative to the old points, map frame, shape (3, 3).
     """
-    off = old[None] - recent[:, None]
-    lever = recent - about
-    by_move = np.zeros((len(recent), 2, 3))
-    by_move[:, 0, 0] = by_move[:, 1, 1] = 1.0
-    by_move[:, 0, 2], by_move[:, 1, 2] = -lever[:, 1], lever[:, 0]
-    spread = by_move @ prior @ by_move.transpose(0, 2, 1) + config.together_m**2 * np.eye(2)
-    squared = np.einsum("nmi,nij,nmj->nm", off, np.linalg.inv(spread), off)
-    near = alike & (squared <= config.gate) & (np.hypot(off[..., 0], off[..., 1]) <= config.reach_m)
-    rows, columns = np.nonzero(near)
-    if min(len(set(rows.tolist())), len(set(columns.tolist()))) < config.least:
+    recent, old, near = recent - about, old - about, alike.copy()
+    _gate(recent, old, prior, config.together_m**2, config.gate, config.reach_m, near)
+    if min(near.any(axis=1).sum(), near.any(axis=0).sum()) < config.least:
         return []
+    rows, columns = np.nonzero(near)
     information = np.linalg.inv(prior + np.diag([1e-4, 1e-4, 1e-5]))
     limits = np.array(
         [config.together_m, config.apart_m, config.baseline_m, config.gate, config.other_m, config.other_rad]
     )
     pairs = np.empty(len(recent), dtype=np.int64)
-    most, second = _best(recent - about, old - about, rows, columns, information, limits, pairs)
+    most, second = _best(recent, old, rows, columns, information, limits, pairs)
     if most < config.least or most - second < config.ahead:
         return []
     return [(i, j) for i, j in enumerate(pairs.tolist()) if j >= 0]
+
+
+@lean_kernel
+def _gate(recent, old, prior, variance, gate, reach, near):  # type: ignore[no-untyped-def]
+    """Which pairs stay `near`: those no farther apart than a move and a turn about the origin may have put them."""
+    for i in range(len(recent)):
+        x, y = recent[i, 0], recent[i, 1]
+        along = prior[0, 0] - 2.0 * y * prior[0, 2] + y * y * prior[2, 2] + variance
+        across = prior[1, 1] + 2.0 * x * prior[1, 2] + x * x * prior[2, 2] + variance
+        both = prior[0, 1] + x * prior[0, 2] - y * prior[1, 2] - x * y * prior[2, 2]
+        determinant = along * across - both * both
+        for j in range(len(old)):
+            dx, dy = old[j, 0] - x, old[j, 1] - y
+            squared = (dx * dx * across - 2.0 * dx * dy * both + dy * dy * along) / determinant
+            near[i, j] = near[i, j] and squared <= gate and dx * dx + dy * dy <= reach * reach
 
 
 @kernel

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sonar_explore.slam.loop_closing import LoopConfig, _best, _fallen, closed, visits
+from sonar_explore.slam.loop_closing import LoopConfig, _best, _fallen, _gate, closed, visits
 
 CONFIG = LoopConfig()
 ABOUT = np.array([3.0, 2.0])
@@ -91,6 +91,23 @@ def test_old_points_are_taken_visit_by_visit_and_those_out_of_reach_or_of_late_a
     assert early.tolist() == list(range(10))
     assert later.tolist() == list(range(10, 20))
     assert visits(places, last, recent[:2], now, CONFIG) == []
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10_000))
+def test_what_a_move_may_have_put_apart_is_near_as_by_mahalanobis_distance(seed):
+    rng = np.random.default_rng(seed)
+    recent, old = rng.normal(0, 2.0, (6, 2)), rng.normal(0, 2.0, (7, 2))
+    root = rng.normal(0, (0.3, 0.3, 0.1), (3, 3))
+    prior, near = root @ root.T, rng.random((6, 7)) < 0.7
+    plain = near.copy()
+    for (i, j), _ in np.ndenumerate(near):
+        (x, y), off = recent[i], old[j] - recent[i]
+        by_move = np.array([[1.0, 0.0, -y], [0.0, 1.0, x]])
+        spread = by_move @ prior @ by_move.T + 0.08**2 * np.eye(2)
+        plain[i, j] &= bool(off @ np.linalg.solve(spread, off) <= 9.0 and np.hypot(*off) <= 3.0)
+    _gate(recent, old, prior, 0.08**2, 9.0, 3.0, near)
+    assert (near == plain).all()
 
 
 def fallen_plainly(recent, old, alike, c, s, shift, together):

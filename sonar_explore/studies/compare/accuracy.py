@@ -54,16 +54,18 @@ def replay(
     """Feed a drive to a SLAM."""
     slam = make_slam(name, drive.world.start, config.slam)
     judge = _Judge(truth)
-    began = time.process_time()
-    spent = 0.0
+    spent, way = 0.0, list[Pose]()
     for entry in drive.log:
         if isinstance(entry, Pose):
-            slam.predict(entry)
+            way.append(entry)
             continue
+        began = time.process_time()
+        if way:
+            slam.predict_along(way)
         update = slam.update(entry)
         spent += time.process_time() - began
         judge.see(slam, update)
-        began = time.process_time()
+        way.clear()
     scans = slam.scans
     features = [entry.features for entry in scans]
     found = [entry.pose for entry in scans]
