@@ -23,12 +23,18 @@ NORMALS_RAD = (
     0.0,
     math.radians(8.0),
 )  # off the axis: a plane is heard over 12 degrees or so
-POINT_WITHIN_M = 0.12  # of an edge or a corner on the map, an echo is taken for its
+POINT_WITHIN_M = 0.12  # across the axis from an edge or a corner on the map, an echo may be its,
+POINT_HEARD_M = (
+    0.06  # as far as an edge is heard aside and the map is wrong by this; as far along the axis as well
+)
+EDGE_HEARD_RAD = math.radians(12.0)  # off the axis, from near by (`beam.Beam`)
 SCRAPE_M = 0.02  # nearer than the room to keep by this, going along a wall is too near as well
 KEPT_M = 1.0  # echoes farther from the robot are forgotten
 PLANE_HEARD_RAD = math.radians(10.0)  # a plane square to a line this much off the axis is heard for sure
 POINT_HEARD_RAD = math.radians(7.0)  # and so is an edge this much off it
 COLUMNS = 6  # of a piece
+NEARER_PER_M = math.cos(math.radians(41.0))  # as fast comes a wall nearer that lies beside the front discs
+GLANCE_LEAST_M = 0.06  # no oftener does the robot glance, [m]
 BEFORE_M = 0.06  # what a disc should have heard lies nearer by this than what it heard
 
 
@@ -108,6 +114,12 @@ class EchoMemory:
         points = np.column_stack([x - ny * along, y + nx * along])
         return pose_robot_in_map.inverse().transform(points)
 
+    def glance_after_m(self, pose_robot_in_map: Pose, room_m: float, most_m: float) -> float:
+        """How far the robot may go without a glance, [m]: see `glance_after`."""
+        here = pose_robot_in_map
+        c, s = math.cos(here.heading), math.sin(here.heading)
+        return float(glance_after(self._pieces, self._count, here.x, here.y, c, s, room_m, most_m))
+
 
 @kernel
 def note_echoes(pieces, count, poses, rings, last, mounts, range_max, points):  # type: ignore[no-untyped-def]
@@ -126,8 +138,9 @@ def note_echoes(pieces, count, poses, rings, last, mounts, range_max, points):  
             axis = heading + mounts[i, 2]
             count = _refute(pieces, count, disc_x, disc_y, axis, range_m, range_m >= range_max)
             if range_m < HEARD_WITHIN_M:
+                half = 0.0 if _is_of_a_point(disc_x, disc_y, axis, range_m, points) else HALF_LENGTH_M
                 for off in NORMALS_RAD:
-                    _piece(disc_x, disc_y, axis + off, range_m, points, fresh[heard])
+                    _piece(disc_x, disc_y, axis + off, range_m, half, fresh[heard])
                     heard += 1
         if heard:
             count = _forget_far(pieces, count, x, y)
@@ -138,19 +151,22 @@ def note_echoes(pieces, count, poses, rings, last, mounts, range_max, points):  
 
 
 @inner_kernel
-def _piece(x, y, direction, range_m, points, piece):  # type: ignore[no-untyped-def]
-    """What an echo from this direction stands for: a wall across it, or a point of the map."""
+def _piece(x, y, direction, range_m, half, piece):  # type: ignore[no-untyped-def]
+    """What an echo from this direction stands for: a wall across it so long to either side, or a point."""
     c, s = math.cos(direction), math.sin(direction)
     piece[0], piece[1], piece[2], piece[3] = x + range_m * c, y + range_m * s, c, s
-    piece[4] = 0.0 if _any_within(points, piece[0], piece[1], POINT_WITHIN_M) else HALF_LENGTH_M
-    piece[5] = 0.0
+    piece[4], piece[5] = half, 0.0
 
 
 @inner_kernel
-def _any_within(points, x, y, distance):  # type: ignore[no-untyped-def]
-    """Whether one of the points, shape (n, 2), lies within a distance of a place, [m]."""
-    for i in range(len(points)):  # noqa: SIM110 - numba compiles no any()
-        if math.hypot(abs(points[i, 0] - x), abs(points[i, 1] - y)) <= distance:
+def _is_of_a_point(x, y, axis, range_m, points):  # type: ignore[no-untyped-def]
+    """Whether an echo may be that of one of the points, shape (n, 2): as far off, and where an edge is still heard."""
+    c, s = math.cos(axis), math.sin(axis)
+    aside = min(POINT_WITHIN_M, range_m * math.sin(EDGE_HEARD_RAD) + POINT_HEARD_M)
+    for i in range(len(points)):
+        to_x, to_y = points[i, 0] - x, points[i, 1] - y
+        off = abs(math.hypot(to_x, to_y) - range_m)
+        if off <= POINT_HEARD_M and abs(to_y * c - to_x * s) <= aside and to_x * c + to_y * s > 0.0:
             return True
     return False
 
@@ -221,6 +237,21 @@ def nearest_danger(pieces, count, x, y, c, s, ahead, room):  # type: ignore[no-u
         if then < room and (closing or scraping) and then < nearest:
             nearest, found = then, i
     return found
+
+
+@lean_kernel
+def glance_after(pieces, count, x, y, c, s, room, most):  # type: ignore[no-untyped-def]
+    """How far the robot may go before it must glance again.
+
+    A wall that begins at an edge is heard only from beyond that edge, and there by no disc where it lies between their
+    axes: it may come nearer than the edge.
+    """
+    nearest = np.inf
+    for i in range(count):
+        to_x, to_y = pieces[i, 0] - x, pieces[i, 1] - y
+        if pieces[i, 4] == 0.0 and to_x * c + to_y * s > -room:
+            nearest = min(nearest, math.hypot(to_x, to_y))
+    return min(most, max(GLANCE_LEAST_M, (nearest - room) / NEARER_PER_M))
 
 
 @inner_kernel

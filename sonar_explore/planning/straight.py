@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from sonar_explore.compiled import inner_kernel
 from sonar_explore.geometry import Array
-from sonar_explore.planning.echoes import EchoMemory, nearest_danger
+from sonar_explore.planning.echoes import EchoMemory, glance_after, nearest_danger
 
 
 @dataclass(eq=False)
@@ -51,6 +51,10 @@ def steered(steering, belief, pieces, count, since_glance):  # type: ignore[no-u
         return -1.0, 0.0
     if count:
         c, s = math.cos(belief[2]), math.sin(belief[2])
+        if far and since_glance >= glance_after(
+            pieces, count, belief[0], belief[1], c, s, beside, glance_every
+        ):
+            return -1.0, 0.0
         ahead = min(brake, distance)
         if nearest_danger(pieces, count, belief[0], belief[1], c, s, ahead, beside) >= 0:
             return -1.0, 0.0

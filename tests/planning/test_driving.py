@@ -20,12 +20,12 @@ CONFIG = SimulatorConfig(noise=noise_preset("ideal"))
 ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
-def driver_in(walls, start=ORIGIN):
+def driver_in(walls, start=ORIGIN, points=()):
     rows = np.array(walls, dtype=float).reshape(-1, 4)
     world = World("field", "A field", rows, np.zeros(len(rows)), np.zeros((0, 3)), start, False)
     robot = Simulator(world, CONFIG, np.random.default_rng(0))
     return robot, Driver(
-        robot, CONFIG.robot, lambda: robot.true_pose, lambda: np.zeros((0, 2)), DrivingConfig()
+        robot, CONFIG.robot, lambda: robot.true_pose, lambda: np.reshape(points, (-1, 2)), DrivingConfig()
     )
 
 
@@ -119,6 +119,28 @@ def test_a_glance_hears_a_wall_wherever_between_the_axes_its_normal_points(seed)
         driver._glance()
         assert driver._echoes.in_the_way(Pose(0.0, 0.0, bearing), 0.5, 0.4) is not None
         assert robot.driven_m == 0.0 and abs(robot.true_pose.heading) < 1e-9
+
+
+@pytest.mark.parametrize("normal_deg", [55, 60, 65, 70, 75])
+def test_a_wall_that_begins_at_a_known_edge_beside_the_way_is_not_touched(normal_deg):
+    """From before the edge it sends nothing back, and beyond it its normal lies between the axes of the discs."""
+    normal = math.radians(normal_deg)
+    for x in np.arange(0.10, 0.31, 0.02):
+        for y in (0.22, 0.235, 0.25, 0.265):
+            box = Pose(x, y, normal).transform(np.array([[0.0, 0.0], [0.0, -0.5], [0.4, -0.5], [0.4, 0.0]]))
+            robot, driver = driver_in(np.hstack([box, np.roll(box, -1, axis=0)]), points=box[0])
+            driver.follow(np.array([[0.0, 0.0], [1.2, 0.0]]))
+            assert robot.contacts == 0
+
+
+def test_near_an_edge_the_robot_glances_more_often_and_in_the_open_no_more_than_it_must():
+    turned_s = []
+    for y in (0.30, 0.36, 0.9):
+        robot, driver = driver_in([[0.4, y, 0.4, 3.0]], points=[0.4, y])
+        assert driver.follow(np.array([[0.0, 0.0], [1.1, 0.0]])).end is DriveEnd.ARRIVED
+        turned_s.append(robot.time_s - robot.driven_m / DrivingConfig().speed_m_s)
+    once_s = 4.0 * DrivingConfig().glance_rad / CONFIG.robot.turn_rate_max_rad_s
+    assert turned_s[0] > turned_s[1] > turned_s[2] > 3 * once_s
 
 
 class TickByTick:

@@ -61,6 +61,18 @@ def test_an_edge_beside_the_way_does_not_where_a_wall_would(pose, disc):
     assert edge.in_the_way(pose, AHEAD_M, ROOM_M) is None
 
 
+@pytest.mark.parametrize(("along_m", "aside_m", "bars"), [(0, 0, False), (0.08, 0, True), (0, 0.11, True)])
+def test_an_echo_that_a_point_of_the_map_cannot_have_sent_is_a_walls(along_m, aside_m, bars):
+    """From near by a disc tells an edge from a wall ten centimetres beside it: a wall there was taken for the edge."""
+    here, range_m = Pose(0, 0, 0), 0.18
+    point = BODY.sonars[1].transform(np.array([[range_m + along_m, aside_m]]))
+    echoes = EchoMemory(BODY, lambda: point)
+    ring = np.full(8, BODY.range_max_m)
+    ring[1] = range_m
+    echoes.note(row(here), ring[None])
+    assert (echoes.in_the_way(here, AHEAD_M, ROOM_M) is not None) == bars
+
+
 @settings(deadline=None)
 @given(poses)
 def test_an_edge_straight_ahead_does(pose):
