@@ -19,6 +19,7 @@ from sonar_explore.slam import Slam
 
 NEAR_M = 3.0  # what is left within this is finished before the robot goes farther
 OFFERED_M = 12.0  # and what is farther than this is not looked for then: no score makes up for such a way
+NEARLY_M = 0.1  # more than rounding can do to the length of a way
 DOUBTS = 12  # places gone to by a map that believes less, after nothing is left on the one that believes all;
 DOUBTS_AGAIN_AFTER_M2 = 4.0  # [m2] of free space found: as many again
 DOUBT_AREA_M2 = 0.5  # new area for which that is worth it,
@@ -101,13 +102,23 @@ class Offers:
             # it looks from here, wherever it was going
             self._doubted.append(self._surroundings.anchored(here.x, here.y))
 
+    def _near(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
+        """Of the places worth a scan, those so near; looked for among all only where something near is worth one."""
+        if within_m < OFFERED_M and not self._candidates(
+            pose, self._put_aside, within_m + NEARLY_M, near=True
+        ):
+            return ()
+        found = self._candidates(pose, self._put_aside, max(within_m, OFFERED_M))
+        return tuple(c for c in found if c.path_length_m <= within_m)
+
     def _candidates(
-        self, pose: Pose, put_aside: Sequence[Anchored], within_m: float = math.inf
+        self, pose: Pose, put_aside: Sequence[Anchored], reach_m: float = math.inf, *, near: bool = False
     ) -> tuple[Candidate, ...]:
-        """Places worth a scan; those far beyond a distance, by ways weighted by discomfort, [m], are not looked for."""
+        """Places worth a scan; those farther away, by ways weighted by discomfort, [m], are not looked for. `near` is
+        for a look: nobody goes by those ways."""
         here, tried = self._surroundings, tuple(sorted(self._tried.items()))
         places = here.placed(put_aside)
-        paths = here.paths(pose, max(within_m, OFFERED_M))
+        paths = here.near_paths(pose, reach_m) if near else here.paths(pose, reach_m)
         taken = here.doubtful, here.daring, pose.x, pose.y, paths.within_m
         key = (here.version, *taken, tuple(places), tried)
         if key not in self._found:
@@ -122,14 +133,13 @@ class Offers:
     def _safe(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
         """Every place with room on the way, the farthest left out where one is so near; none unless one is."""
         self._surroundings.daring = False
-        found = self._candidates(pose, self._put_aside, within_m)
+        found = self._candidates(pose, self._put_aside, max(within_m, OFFERED_M))
         return found if any(c.path_length_m <= within_m for c in found) else ()
 
     def _dared(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
         """Places so near, by ways nearer to the unknown and into gaps that the map draws too narrow."""
         self._surroundings.daring = True
-        found = self._candidates(pose, self._put_aside, within_m)
-        return tuple(c for c in found if c.path_length_m <= within_m)
+        return self._near(pose, within_m)
 
     def _is_hemmed_in(self, pose: Pose) -> bool:
         """Whether most of the places with room cannot be got to without daring."""
@@ -156,10 +166,8 @@ class Offers:
         doubted = here.placed(self._doubted)
         found = [
             c
-            for c in self._candidates(pose, self._put_aside, within_m)
-            if c.path_length_m <= within_m
-            and _is_worth_a_doubt(c)
-            and all(math.hypot(x - c.x, y - c.y) > DOUBTED_M for x, y in doubted)
+            for c in self._near(pose, within_m)
+            if _is_worth_a_doubt(c) and all(math.hypot(x - c.x, y - c.y) > DOUBTED_M for x, y in doubted)
         ]
         if found:
             x, y = self.goal or (math.inf, math.inf)

@@ -133,12 +133,14 @@ class Surroundings:
         here = (self.doubtful, self.grid.frame.cell(pose.x, pose.y), self.daring)
         known = self._plans.setdefault(here, {})
         if within_m not in known:
-            config = self._config.planning
-            plan = SafePaths(
-                self.grid, pose.x, pose.y, self._radius_m, config, daring=self.daring, within_m=within_m
-            )
+            plan = self.near_paths(pose, within_m)
             known[within_m] = known[plan.within_m] = plan
         return known[within_m]
+
+    def near_paths(self, pose: Pose, within_m: float) -> SafePaths:
+        """The same without keeping them: for a look, not to go by."""
+        config, radius_m = self._config.planning, self._radius_m
+        return SafePaths(self.grid, pose.x, pose.y, radius_m, config, daring=self.daring, within_m=within_m)
 
     def paths_as_far_as(self, pose: Pose, way_m: float) -> SafePaths:
         """Safe paths from here to all that is no farther than this, and perhaps to more: those that are known."""

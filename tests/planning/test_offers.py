@@ -53,6 +53,9 @@ class Land:
         within = np.array([not self.shut_in])
         return SimpleNamespace(within=within, room_m=np.ones(1), least_room_m=0.2, within_m=within_m)
 
+    def near_paths(self, pose, within_m):
+        return self.paths(pose, within_m)
+
     def swap_obstacles(self, obstacles):
         self.version += 1
         return []
@@ -153,7 +156,7 @@ def test_what_was_put_aside_or_looked_from_moves_with_the_map(correction_m):
     assert not set(moved) & set(offers.now(HERE)) and place(8.0, 0.0) in offers.now(HERE)
 
 
-@pytest.mark.parametrize(("near", "looked_m"), [(True, [12.0]), (False, [12.0, 12.0, 12.0, np.inf])])
+@pytest.mark.parametrize(("near", "looked_m"), [(True, [12.0]), (False, [12.0, 3.1, 3.1, np.inf])])
 def test_while_something_near_is_left_the_whole_building_is_not_looked_through(near, looked_m):
     land = Land(place(0.5, 0.0))
     offers, asked = offers_in(land), []
@@ -164,4 +167,5 @@ def test_while_something_near_is_left_the_whole_building_is_not_looked_through(n
         return SimpleNamespace(within_m=within_m)
 
     land.paths = paths  # type: ignore[method-assign]
+    land.near_paths = paths  # type: ignore[method-assign]
     assert offers.now(HERE) and asked == looked_m
