@@ -155,12 +155,13 @@ def _explore(
     *,
     quiet: bool,
 ) -> EpisodeRecord:
+    from sonar_explore.compile_beside import compiling_beside
     from sonar_explore.episodes.run import run_episode
 
     extra: dict[str, Any] = {} if recorder is None else {"recorder": recorder}
     if ":" in agent and os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())  # a policy that lies in the working folder is found as well
-    with _progress(quiet) as on_step:
+    with _progress(quiet) as on_step, compiling_beside():
         return run_episode(world, agent, slam, noise, seed, config=config, on_step=on_step, **extra)
 
 

@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sonar_explore.config import ExplorationConfig
+from sonar_explore.cores import usable_cores
 from sonar_explore.envs.load import load_world
 from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.episodes.files import writable_folder
 from sonar_explore.studies import progress
 from sonar_explore.studies.jobs import Outcome, Variant, jobs_of
 from sonar_explore.studies.results import Study, save_study, study_of
-from sonar_explore.studies.runner import plan, run_jobs, usable_cores
+from sonar_explore.studies.runner import plan, run_jobs
 
 
 @dataclass(frozen=True)

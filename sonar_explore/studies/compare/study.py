@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import msgspec
 
+from sonar_explore.cores import usable_cores
 from sonar_explore.envs.load import load_world
 from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.episodes.files import writable_folder, write_atomically
@@ -24,7 +25,7 @@ from sonar_explore.studies.compare.results import Comparison, comparison_of
 from sonar_explore.studies.compare.tables import brief_table, comparison_lines, goal_lines
 from sonar_explore.studies.jobs import Variant
 from sonar_explore.studies.results import Row
-from sonar_explore.studies.runner import in_processes, usable_cores
+from sonar_explore.studies.runner import in_processes
 from sonar_explore.studies.study import Choices, run_variants
 
 

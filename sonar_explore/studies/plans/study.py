@@ -10,6 +10,7 @@ import msgspec
 
 from sonar_explore import __version__
 from sonar_explore.config import ExplorationConfig
+from sonar_explore.cores import usable_cores
 from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.episodes.files import writable_folder, write_atomically
 from sonar_explore.errors import SonarExploreError, unknown_name
@@ -28,7 +29,7 @@ from sonar_explore.studies.plans.page import write_pages
 from sonar_explore.studies.plans.results import KIND, Miss, PlansStudy, Run, late_s, parts_left
 from sonar_explore.studies.plans.tables import BRIEFLY, goal_lines, group_table, growth_table, plan_table
 from sonar_explore.studies.plans.tour import kept_tour
-from sonar_explore.studies.runner import in_processes, plan, run_jobs, usable_cores
+from sonar_explore.studies.runner import in_processes, plan, run_jobs
 from sonar_explore.studies.store import load_record_packed, record_path
 
 

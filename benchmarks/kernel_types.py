@@ -1,0 +1,52 @@
+"""Write `sonar_explore/kernels.json`: kernels called from Python, in the order of first need, with their types.
+
+`python benchmarks/kernel_types.py`, after a kernel, or what it is handed, has changed: tests/test_compiled.py says so.
+It compiles everything in a cache of its own, which takes most of a minute.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from typing import Any
+
+from sonar_explore.compile_beside import KERNELS, spelled
+
+LEFT_TO_THE_RUN = "sonar_explore.envs.pings."
+DRIVING = "sonar_explore.envs."
+"""Made of the kernels of the pings: best left until those are there, so they stand first."""
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as cache:
+        os.environ["NUMBA_CACHE_DIR"] = cache
+        needed = compiled_in_order()
+    in_order = dict(sorted(needed.items(), key=lambda kernel: not kernel[0].startswith(DRIVING)))
+    KERNELS.write_text(json.dumps(in_order, indent=0) + "\n")
+
+
+def compiled_in_order() -> dict[str, str]:
+    from numba.core import event
+
+    from sonar_explore.episodes.run import run_episode
+
+    class Recorder(event.Listener):
+        depth, needed = 0, {}
+
+        def on_start(self, event: Any) -> None:
+            function = event.data["dispatcher"].py_func
+            if self.depth == 0 and not function.__module__.startswith(LEFT_TO_THE_RUN):
+                self.needed[f"{function.__module__}:{function.__name__}"] = spelled(event.data["args"])
+            self.depth += 1
+
+        def on_end(self, event: Any) -> None:
+            self.depth -= 1
+
+    with event.install_listener("numba:compile", Recorder()) as recorder:
+        run_episode("paper/rooms", seed=0)
+    return recorder.needed
+
+
+if __name__ == "__main__":
+    main()
