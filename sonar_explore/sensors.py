@@ -54,6 +54,7 @@ def _nxt() -> Sensor:
         ),
         reference=replace(robust.reference, foot_sigma_m=0.03, direction_sigma_rad=angle),
         odometry=replace(robust.odometry, bearing_rad=angle, normal_m=0.03),
+        joint=replace(robust.joint, bearing_rad=angle, range_m=0.03),
         smoothing=replace(robust.smoothing, bearing_rad=angle, range_m=0.03),
     )
     return Sensor("Lego NXT on a motor, 40 kHz, 24 degrees by its maker", sonar, math.radians(2.0), slam)

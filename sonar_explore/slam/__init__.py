@@ -8,6 +8,7 @@ from sonar_explore.slam.base import ScanEntry, ScanUpdate, ScoredAssociation, Sl
 from sonar_explore.slam.chains import Chain, ChainMap, Link
 from sonar_explore.slam.features import Feature, FeatureKind
 from sonar_explore.slam.grid_pf import GridParticleSlam
+from sonar_explore.slam.joint import JointSlam
 from sonar_explore.slam.scan_match import ScanMatchSlam
 from sonar_explore.slam.slam import ChainSlam, DeadReckoning, KnownPose
 from sonar_explore.slam.smoothed import SmoothedSlam
@@ -50,4 +51,7 @@ def make_slam(name: str, start: Pose, config: SlamConfig | None = None) -> Slam:
         raise unknown_name("slam", name, SLAMS)
     if name == "literal":
         config = SlamConfig()
-    return SLAMS[name](start, config or SlamConfig.robust())
+    config = config or SlamConfig.robust()
+    if name == "chain" and config.joint.enabled and config.odometry.enabled and config.reference.refined:
+        return JointSlam(start, config)
+    return SLAMS[name](start, config)

@@ -14,6 +14,7 @@ from sonar_explore.slam.association import Association, AssociationConfig
 from sonar_explore.slam.chains import ChainMap
 from sonar_explore.slam.dual import Merge
 from sonar_explore.slam.features import Feature, FeatureConfig
+from sonar_explore.slam.joint_filter import JointConfig
 from sonar_explore.slam.link_graph import LinkGraphConfig, LinkGraphs
 from sonar_explore.slam.localization import Correction, LocalizationConfig
 from sonar_explore.slam.loop_closing import LoopConfig
@@ -43,6 +44,7 @@ class SlamConfig:
     turning: TurningConfig = field(default_factory=TurningConfig)
     reference: ReferenceConfig = field(default_factory=ReferenceConfig)
     odometry: FilterConfig = field(default_factory=FilterConfig)
+    joint: JointConfig = field(default_factory=JointConfig)
     matching: MatchingConfig = field(default_factory=MatchingConfig)
     loops: LoopConfig = field(default_factory=LoopConfig)
     smoothing: SmoothingConfig = field(default_factory=SmoothingConfig)
@@ -64,6 +66,7 @@ class SlamConfig:
             turning=TurningConfig(enabled=True),
             reference=ReferenceConfig(refined=True),
             odometry=FilterConfig(enabled=True),
+            joint=JointConfig(enabled=True),
         )
 
     def __post_init__(self) -> None:

@@ -55,6 +55,26 @@ def moved_covariance(covariance, forward, turn, own, heading, along, drift):  # 
 
 
 @kernel
+def spread(covariance, transition, bits, walk):  # type: ignore[no-untyped-def]
+    """Let a covariance grow by bits of motion, and multiply their F into `transition`, both in place.
+
+    A bit is metres forward, turn, turn but for the own part, own part, and the heading; `walk` has the variances of a
+    metre's length, of a full turn and of a metre's heading.
+    """
+    for i in range(len(bits)):
+        forward, turn, turned, own, heading = bits[i, 0], bits[i, 1], bits[i, 2], bits[i, 3], bits[i, 4]
+        along = walk[0] * abs(forward)
+        drift = walk[1] * turned / (2.0 * math.pi) + walk[2] * abs(forward)
+        covariance[:, :] = moved_covariance(covariance, forward, turn, own, heading, along, drift)
+        c, s = math.cos(heading), math.sin(heading)
+        for j in range(SIZE):
+            transition[X, j] -= s * forward * transition[HEADING, j]
+            transition[Y, j] += c * forward * transition[HEADING, j]
+            transition[HEADING, j] += turn * transition[TURN, j] + forward * transition[BEND, j]
+            transition[HEADING, j] += own * transition[OWN, j]
+
+
+@kernel
 def expected_offsets(p, adr, ndr, normals, bearing, normal, expected, off):  # type: ignore[no-untyped-def]
     """How far each association is off in angle and along the normal, and the covariance of that: H P H' + R."""
     for i in range(len(adr)):

@@ -26,7 +26,7 @@ from sonar_explore.slam.kalman import (
     TURN,
     expected_offsets,
     innovated,
-    moved_covariance,
+    spread,
     updated_covariance,
 )
 from sonar_explore.slam.motion import own_part
@@ -83,6 +83,11 @@ class OdometryFilter:
         """Of the turn of the last scan: what it has beyond `turn_error`."""
         self._forward_m = self._turn_rad = self._turned_rad = self._heading_rad = 0.0
         self._own_rad = self._own_left_rad = 0.0
+        self._walk = np.array([config.distance_m, config.turn_rad, config.drift_rad]) ** 2
+        self._transition = np.eye(SIZE)
+        """What motions made of an error of the state, for who keeps what correlates with it."""
+        self._has_moved = False
+        """Whether that is anything but the error itself."""
         self.covariance: Array = np.diag([0.0, 0.0, 0.0, config.turn_error**2, config.bend_rad_m**2, 0.0])
         """Of x, y [m], heading [rad], turn error, bend [rad/m] and own turn error, shape (6, 6)."""
 
@@ -121,9 +126,8 @@ class OdometryFilter:
         odometry = np.concatenate([[before.as_row()], after])
         belief = self.belief(pose)
         poses, spreads = np.empty((len(after), 3)), np.empty((len(after), 5))
-        for bit in spreads[: _carried_along(odometry, belief, poses, spreads)].tolist():
-            self._forward_m, self._turn_rad, self._turned_rad, self._own_rad, self._heading_rad = bit
-            self._spread()
+        bits = spreads[: _carried_along(odometry, belief, poses, spreads)]
+        self._spread_by(bits)
         self._forward_m, self._turn_rad, self._turned_rad, self._own_rad, self._own_left_rad = belief[
             SUMS:
         ].tolist()
@@ -231,18 +235,15 @@ class OdometryFilter:
 
     def _spread(self) -> None:
         """Let the covariance grow by the motion since the last call."""
-        cfg = self.config
-        forward_m, turn_rad, heading = self._forward_m, self._turn_rad, self._heading_rad
-        turned_rad = self._turned_rad
-        own_rad = self._own_rad
+        bit = self._forward_m, self._turn_rad, self._turned_rad, self._own_rad
         self._forward_m = self._turn_rad = self._turned_rad = self._own_rad = 0.0
-        if forward_m == 0.0 and turn_rad == 0.0 and turned_rad == 0.0:
-            return
-        drift = cfg.turn_rad**2 * turned_rad / math.tau + cfg.drift_rad**2 * abs(forward_m)
-        along = cfg.distance_m**2 * abs(forward_m)
-        self.covariance = moved_covariance(
-            self.covariance, forward_m, turn_rad, own_rad, heading, along, drift
-        )
+        if any(bit[:3]):
+            self._spread_by(np.array([[*bit, self._heading_rad]]))
+
+    def _spread_by(self, bits: Array) -> None:
+        if len(bits):
+            spread(self.covariance, self._transition, bits, self._walk)
+            self._has_moved = True
 
 
 @lean_kernel

@@ -17,7 +17,6 @@ from sonar_explore.geometry import Array, Pose
 from sonar_explore.slam.association import Association
 from sonar_explore.slam.chains import ChainMap
 from sonar_explore.slam.features import Feature
-from sonar_explore.slam.reference import ReferenceConfig, reference_line
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,16 +59,25 @@ def residuals_to_roots(
     features: Sequence[Feature],
     associations: Sequence[Association],
     chains: ChainMap,
-    reference: ReferenceConfig | None = None,
 ) -> Residuals:
-    """ADR and NDR of every association, to the root or to what `reference` says instead."""
+    """ADR and NDR of every association, to the roots as they were heard."""
+    roots = np.array([chains[a.chain].root.segment.as_row() for a in associations]).reshape(-1, 4)
+    return residuals_to_lines(pose_robot_in_map, features, associations, chains, roots)
+
+
+def residuals_to_lines(
+    pose_robot_in_map: Pose,
+    features: Sequence[Feature],
+    associations: Sequence[Association],
+    chains: ChainMap,
+    roots: Array,
+) -> Residuals:
+    """ADR and NDR of every association, to these lines in the place of the roots, shape (n, 4), [m]."""
     n, pose = len(associations), pose_robot_in_map
-    found, reference = Residuals.empty(n), reference or ReferenceConfig()
-    roots, links = np.empty((n, 4)), np.empty((n, 4))
+    found, links = Residuals.empty(n), np.empty((n, 4))
     bearings = np.empty(n)
     for i, a in enumerate(associations):
         feature, chain = features[a.feature], chains[a.chain]
-        roots[i] = reference_line(chain, reference).as_row()
         links[i] = chain.links[a.link].segment.as_row()
         bearings[i], found.range_m[i] = feature.bearing_rad, feature.range_m
         found.discs[i], found.root_probability[i] = feature.discs, chain.root_probability

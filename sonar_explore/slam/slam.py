@@ -25,7 +25,8 @@ from sonar_explore.slam.localization import Correction, Weights, association_wei
 from sonar_explore.slam.odometry_filter import OdometryFilter
 from sonar_explore.slam.points import Point
 from sonar_explore.slam.probability import RootCertainty, association_probabilities
-from sonar_explore.slam.residuals import Residuals, residuals_to_roots
+from sonar_explore.slam.reference import reference_line
+from sonar_explore.slam.residuals import Residuals, residuals_to_lines
 from sonar_explore.slam.turning import follows_the_wall
 
 
@@ -95,7 +96,8 @@ class ChainSlam:
         self._points = extraction.points
         predicted, features = self._turned(self._predicted_at(scan), scan, extraction)
         associations = associate(predicted, features, self.chains, config.association)
-        residuals = residuals_to_roots(predicted, features, associations, self.chains, config.reference)
+        reference = self._reference(predicted, features, associations)
+        residuals = residuals_to_lines(predicted, features, associations, self.chains, reference)
         believable = self._believable(associations, residuals) & follows_the_wall(
             predicted, features, associations, self.chains, [e.pose for e in self._entries], config.turning
         )
@@ -142,6 +144,13 @@ class ChainSlam:
     def _learn_turn(self, predicted: Pose, turn: TurnError) -> tuple[Pose, float]:
         """The pose, and the error of this turn beyond what is known already."""
         return self._filter.heard_turn(predicted, turn)
+
+    def _reference(
+        self, predicted: Pose, features: Sequence[Feature], associations: Sequence[Association]
+    ) -> Array:
+        """The line of each association's chain that corrections refer to, shape (n, 4), [m], map frame."""
+        lines = [reference_line(self.chains[a.chain], self.config.reference) for a in associations]
+        return np.array([line.as_row() for line in lines]).reshape(-1, 4)
 
     def _believable(self, associations: Sequence[Association], residuals: Residuals) -> NDArray[np.bool_]:
         """Which associations the odometry allows, shape (n,)."""

@@ -126,6 +126,16 @@ DEPARTURES: tuple[Departure, ...] = (
         "errors are learned on the way; equations (4) and (5) ask the associations alone.",
     ),
     Departure(
+        "joint-estimate",
+        "slam.joint.enabled",
+        False,
+        "III.F",
+        "Pose, wheels, the chains' lines and points (edges, corners, columns) are one estimate with all its "
+        "correlations: chains that were rooted from one wrong pose are known to be wrong alike, and a merge pulls the "
+        "robot and the lines between to where the loop closes. No pose and no link is moved afterwards. It needs the "
+        "two options before it.",
+    ),
+    Departure(
         "legs",
         "planning.leg_m",
         1000.0,

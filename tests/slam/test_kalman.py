@@ -15,6 +15,7 @@ from sonar_explore.slam.kalman import (
     expected_offsets,
     innovated,
     moved_covariance,
+    spread,
     updated_covariance,
 )
 
@@ -74,3 +75,22 @@ def test_an_update_weighs_outliers_down_and_keeps_the_covariance_in_josephs_form
     joseph = kept @ p @ kept.T + gain @ np.diag(weighed) @ gain.T
     same(updated_covariance(p, gain, jacobian, noise, np.zeros(3)), joseph)
     assert updated_covariance(p, gain, jacobian, noise, np.array([9.0, 0.0, 0.0]))[0, 0] == 9.0
+
+
+@pytest.mark.parametrize("n", [0, 1, 7])
+def test_bits_of_motion_spread_one_after_the_other(n):
+    rng = np.random.default_rng(n)
+    p, transition, walk = covariance(rng), np.eye(SIZE), np.array([0.01, 0.02, 0.03])
+    bits = rng.normal(size=(n, 5))
+    bits[:, 2] = np.abs(bits[:, 2])
+    plain, product = p.copy(), np.eye(SIZE)
+    for forward, turn, turned, own, heading in bits:
+        drift = walk[1] * turned / math.tau + walk[2] * abs(forward)
+        plain = moved_covariance(plain, forward, turn, own, heading, walk[0] * abs(forward), drift)
+        motion = np.eye(SIZE)
+        motion[:2, HEADING] = -math.sin(heading) * forward, math.cos(heading) * forward
+        motion[HEADING, [TURN, BEND, OWN]] = turn, forward, own
+        product = motion @ product
+    spread(p, transition, bits, walk)
+    same(p, plain)
+    same(transition, product)
