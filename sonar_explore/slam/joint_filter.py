@@ -302,9 +302,9 @@ class JointFilter(OdometryFilter):
 
     def _observed(self, columns: NDArray[np.intp], values: Array) -> tuple[Array, Array]:
         """H P and H P H'."""
-        full, m = self.full_covariance, len(columns)
-        across, expected = np.empty((m, len(full))), np.empty((m, m))
-        observed(full, columns, values, across, expected)
+        m, n = len(columns), len(self.full_covariance)
+        across, expected = np.empty((m, n)), np.empty((m, m))
+        observed(self._full, columns, values, across, expected)
         return across, expected
 
     def _corrected(

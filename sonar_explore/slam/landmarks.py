@@ -89,8 +89,8 @@ def same_line(one, other, first, second, columns, values, innovation):  # type: 
 
 @kernel
 def observed(covariance, columns, values, across, expected):  # type: ignore[no-untyped-def]
-    """H P and H P H' of a sparse Jacobian H; P is symmetric."""
-    m, n = len(columns), len(covariance)
+    """H P, shape (m, n), and H P H' of a sparse Jacobian H; P is symmetric, the first n rows and columns given."""
+    m, n = across.shape
     for i in range(m):
         for j in range(n):
             across[i, j] = 0.0
