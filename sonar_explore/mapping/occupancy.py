@@ -322,8 +322,8 @@ class OccupancyMapper:
         drawn.sectors.resize(frame)
         last_trail = max(0, len(drawn.poses) - 1)  # the one that may have grown since
         moved, again = self._to_cut(drawn, poses, looks, scan, pivots, barriers)
-        for i, clear in zip(again, self._cut(again, looks, ~pivots, barriers), strict=True):
-            drawn.sectors.put(i, poses[i], clear, looks[i].core_m)
+        clear_m = self._cut(again, looks, ~pivots, barriers)
+        drawn.sectors.put(again, [poses[i] for i in again], clear_m, [looks[i].core_m for i in again])
         for i in sorted({*moved, *range(last_trail, len(poses))}):
             drawn.sectors.trail(i, poses[i], trails[i], self._body)
         bridged = np.zeros(frame.shape)

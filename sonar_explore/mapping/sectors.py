@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,54 +58,67 @@ class Sectors:
 
     def __init__(self) -> None:
         self._frame: GridFrame | None = None
-        self._put: list[_Put] = []
         self._trails: list[tuple[Pose, Array]] = []
         self.cleared: Counts = np.zeros((0, 0), dtype=np.int32)
         """By any reading, shape (rows, columns)."""
         self.core: Counts = np.zeros((0, 0), dtype=np.int32)
         """For certain, shape (rows, columns)."""
         self._body: Counts = np.zeros((0, 0), dtype=np.int32)
+        self._scans = 0
+        self._places: Array = np.zeros((0, 4))
+        """x y [m] heading [rad] of each scan, and how far its window reaches, [m]; there is room for more."""
+        self._clear_m: Array = np.zeros((0, 2, 0))
+        """What it clears by direction, by any reading and for certain, shape (scans, 2, n), [m]; -1 clears nothing."""
+        self._windows: NDArray[np.int64] = np.zeros((0, 4), dtype=np.int64)
+        """First row and column of its window on the grid, rows and columns."""
+        self._sectors: NDArray[np.uint16] = np.zeros((0, 0, 0), dtype=np.uint16)
+        """The sector of each cell of its window, n beyond its reach, shape (scans, rows, columns)."""
 
     def resize(self, frame: GridFrame) -> None:
         """Go over to a grown frame; counts keep their places."""
         old, self._frame = self._frame, frame
         if old == frame:
             return
+        row, column = (0, 0) if old is None else _offset(old, frame)
         for name in ("cleared", "core", "_body"):
+            counts = getattr(self, name)
             grown = np.zeros(frame.shape, dtype=np.int32)
-            if old is not None:
-                row, column = _offset(old, frame)
-                grown[row : row + old.shape[0], column : column + old.shape[1]] = getattr(self, name)
+            grown[row : row + counts.shape[0], column : column + counts.shape[1]] = counts
             setattr(self, name, grown)
-        if old is not None:
-            row, column = _offset(old, frame)
-            self._put = [replace(put, row=put.row + row, column=put.column + column) for put in self._put]
+        self._windows[:, :2] += row, column
 
-    def put(self, index: int, pose: Pose, clear_m: Array, core_m: Array) -> None:
-        """What a scan clears by direction, shape (n,) both, [m]; replaces what it cleared before."""
-        after = np.array([clear_m, core_m])
-        put = self._put[index] if index < len(self._put) else None
-        if put is not None and put.pose == pose and self._change(put, after):
+    def put(
+        self, scans: Sequence[int], poses: Sequence[Pose], clear_m: Array, core_m: Sequence[Array]
+    ) -> None:
+        """What scans clear by direction, shape (n,) each, [m]; replaces what they cleared before. New ones come in
+        order."""
+        if not len(scans):
             return
-        if put is not None:
-            self._change(put, np.full_like(after, -1.0))
-        rows, columns = self.cleared.shape
-        x0, y0, resolution = self._at
-        reach = float(after.max())
-        sectors, row, column = _sectors_of_cells(
-            rows, columns, x0, y0, resolution, pose.x, pose.y, pose.heading, reach, len(clear_m)
+        after = np.empty((len(scans), 2, clear_m.shape[1]))
+        after[:, 0], after[:, 1] = clear_m, core_m
+        self._make_room(max(self._scans, scans[-1] + 1), after)
+        self._scans = max(self._scans, scans[-1] + 1)
+        _put(
+            *(np.array(scans), np.array([pose.as_row() for pose in poses]), after, self._at),
+            *(self.cleared, self.core, self._places, self._clear_m, self._windows, self._sectors),
         )
-        put = _Put(pose, reach, np.full_like(after, -1.0), sectors, row, column)
-        self._change(put, after)
-        self._put[index : index + 1] = [put]
 
-    def _change(self, put: _Put, after: Array) -> bool:
-        """Count what `after` clears, take off what was cleared before; False, and nothing, beyond the window."""
-        at = (*self._at, put.pose.x, put.pose.y, put.row, put.column)
-        done: bool = _change(self.cleared, self.core, *at, put.reach_m, put.sectors, put.clear_m, after)
-        if done:
-            put.clear_m = after
-        return done
+    def _make_room(self, scans: int, after: Array) -> None:
+        """For so many scans, and for windows that reach as far as these."""
+        side = math.ceil(2.0 * float(after.max()) / self._at[2]) + 2
+        known, was = self._sectors.shape[:2]
+        if scans <= known and side <= was:
+            return
+        room, side = max(scans + scans // 2 + 8, known), max(side, was)
+        sectors = np.empty((room, side, side), dtype=np.uint16)
+        sectors[:known, :was, :was] = self._sectors
+        self._sectors = sectors
+        more = room - known
+        self._places = np.vstack([self._places, np.full((more, 4), np.nan)])
+        self._windows = np.vstack([self._windows, np.zeros((more, 4), dtype=np.int64)])
+        clear_m = np.full((room, *after.shape[1:]), -1.0)
+        clear_m[:known] = self._clear_m[:known] if known else -1.0
+        self._clear_m = clear_m
 
     def trail(self, index: int, pose: Pose, points: Array, radius_m: float) -> None:
         """Where the body has been since a scan, shape (n, 2), in that scan's frame, [m]; `points` only ever grow."""
@@ -136,22 +149,6 @@ class Sectors:
     def _at(self) -> tuple[float, float, float]:
         assert self._frame is not None
         return self._frame.x0, self._frame.y0, self._frame.resolution_m
-
-
-@dataclass(eq=False)
-class _Put:
-    """What one scan clears."""
-
-    pose: Pose
-    reach_m: float
-    """How far the window reaches, [m]."""
-    clear_m: Array
-    """By any reading and for certain, shape (2, n), [m]; -1 clears nothing."""
-    sectors: NDArray[np.uint16]
-    """Of each cell in a window of the grid, n beyond its reach; shape (rows, columns)."""
-    row: int
-    """Of the grid, where the window begins."""
-    column: int
 
 
 def _offset(old: GridFrame, new: GridFrame) -> tuple[int, int]:
@@ -271,12 +268,37 @@ def _in_reach(places, reach, segments):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _sectors_of_cells(rows, columns, x0, y0, resolution, x, y, heading, reach, n):  # type: ignore[no-untyped-def]
-    """Which of n sectors about a pose each cell near it lies in, n beyond its reach, in a window of the grid.
+def _put(scans, poses, after, frame, cleared, core, places, clear, windows, sectors):  # type: ignore[no-untyped-def]
+    """Count what scans clear from these poses, shape (m, 3), as far as `after`, shape (m, 2, n), less what they did.
 
-    Most cells get their sector from an approximate angle; near the rim of a sector `atan2` decides. Returns the
-    window, and its first row and column.
+    Where a scan stands as it did and its window reaches far enough, only cells of changed sectors are looked at.
     """
+    n = after.shape[2]
+    changed, squares, nothing = np.empty(n + 1, dtype=np.bool_), np.empty((4, n)), np.empty((2, n))
+    for b in range(n):
+        nothing[0, b], nothing[1, b] = -1.0, -1.0
+    for i in range(len(scans)):
+        k, farthest = scans[i], 0.0
+        for b in range(n):
+            farthest = max(farthest, after[i, 0, b], after[i, 1, b])
+        place, window = places[k], windows[k]
+        stands = place[0] == poses[i, 0] and place[1] == poses[i, 1] and place[2] == poses[i, 2]
+        if not stands or farthest > place[3]:
+            _change(cleared, core, frame, place, window, sectors[k], clear[k], nothing, changed, squares)
+            place[0], place[1], place[2], place[3] = poses[i, 0], poses[i, 1], poses[i, 2], farthest
+            _sectors_of_cells(cleared.shape[0], cleared.shape[1], frame, place, n, window, sectors[k])
+        _change(cleared, core, frame, place, window, sectors[k], clear[k], after[i], changed, squares)
+
+
+@inner_kernel
+def _sectors_of_cells(rows, columns, frame, place, n, window, sectors):  # type: ignore[no-untyped-def]
+    """Which of n sectors about a place each cell near it lies in, n beyond its reach, and which window of the grid that
+    is.
+
+    Most cells get their sector from an approximate angle; near the rim of a sector `atan2` decides.
+    """
+    x0, y0, resolution = frame
+    x, y, heading, reach = place[0], place[1], place[2], place[3]
     per_rad = n / (2.0 * math.pi)
     ahead = heading * per_rad
     ahead -= n * math.floor(ahead / n)
@@ -285,10 +307,11 @@ def _sectors_of_cells(rows, columns, x0, y0, resolution, x, y, heading, reach, n
     r1 = min(rows - 1, int(math.floor((y + reach - y0) / resolution)))
     c0 = max(0, int(math.floor((x - reach - x0) / resolution)))
     c1 = min(columns - 1, int(math.floor((x + reach - x0) / resolution)))
-    sectors = np.full((r1 - r0 + 1, c1 - c0 + 1), n, dtype=np.uint16)
+    window[0], window[1], window[2], window[3] = r0, c0, r1 - r0 + 1, c1 - c0 + 1
     for row in range(r0, r1 + 1):
         dy = y0 + (row + 0.5) * resolution - y
         for column in range(c0, c1 + 1):
+            sectors[row - r0, column - c0] = n
             dx = x0 + (column + 0.5) * resolution - x
             square = dx * dx + dy * dy
             if square > farthest:
@@ -302,40 +325,38 @@ def _sectors_of_cells(rows, columns, x0, y0, resolution, x, y, heading, reach, n
             if u - b < _RIM or u - b > 1.0 - _RIM or square < _HAIR_M2:
                 b = int(math.floor((math.atan2(dy, dx) - heading) / (2.0 * math.pi) * n)) % n
             sectors[row - r0, column - c0] = b
-    return sectors, r0, c0
 
 
-@kernel
-def _change(cleared, core, x0, y0, resolution, x, y, row, column, reach, sectors, before, after):  # type: ignore[no-untyped-def]
-    """Count cells whose middle lies within `after` of their sector, less those within `before`, shape (2, n) both."""
+@inner_kernel
+def _change(cleared, core, frame, place, window, sectors, before, after, changed, squares):  # type: ignore[no-untyped-def]
+    """Count cells whose middle lies within `after` of their sector, less those within `before`, shape (2, n) both;
+    `before` becomes `after`."""
+    x0, y0, resolution = frame
     n = before.shape[1]
-    farthest = 0.0
-    for b in range(n):
-        farthest = max(farthest, after[0, b], after[1, b])
-    if farthest > reach:
-        return False
-    changed = np.zeros(n + 1, dtype=np.bool_)
-    squares = np.empty((4, n))
+    changed[n] = False
     for b in range(n):
         changed[b] = before[0, b] != after[0, b] or before[1, b] != after[1, b]
         for layer in range(2):
             low, high = before[layer, b], after[layer, b]
             squares[2 * layer, b], squares[2 * layer + 1, b] = low * abs(low), high * abs(high)
-    for r in range(sectors.shape[0]):
-        dy = y0 + (row + r + 0.5) * resolution - y
-        for c in range(sectors.shape[1]):
+    for r in range(window[2]):
+        row = window[0] + r
+        dy = y0 + (row + 0.5) * resolution - place[1]
+        for c in range(window[3]):
             b = sectors[r, c]
             if not changed[b]:
                 continue
-            dx = x0 + (column + c + 0.5) * resolution - x
+            column = window[1] + c
+            dx = x0 + (column + 0.5) * resolution - place[0]
             square = dx * dx + dy * dy
-            cleared[row + r, column + c] += _within(dx, dy, square, after[0, b], squares[1, b]) - _within(
+            cleared[row, column] += _within(dx, dy, square, after[0, b], squares[1, b]) - _within(
                 dx, dy, square, before[0, b], squares[0, b]
             )
-            core[row + r, column + c] += _within(dx, dy, square, after[1, b], squares[3, b]) - _within(
+            core[row, column] += _within(dx, dy, square, after[1, b], squares[3, b]) - _within(
                 dx, dy, square, before[1, b], squares[2, b]
             )
-    return True
+    for b in range(n):
+        before[0, b], before[1, b] = after[0, b], after[1, b]
 
 
 @inner_kernel

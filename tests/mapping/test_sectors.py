@@ -20,6 +20,10 @@ def random_put(rng):
     return pose, rng.uniform(0.0, REACH_M, 24), rng.uniform(0.0, REACH_M, 24) * rng.integers(0, 2, 24)
 
 
+def put_one(sectors, index, pose, clear, core):
+    sectors.put([index], [pose], clear[None], [core])
+
+
 def covering(frame, pose):
     low, high = (pose.x - REACH_M, pose.y - REACH_M), (pose.x + REACH_M, pose.y + REACH_M)
     return frame.covering(low, high)
@@ -37,7 +41,7 @@ def test_putting_replacing_and_growing_gives_what_a_fresh_draw_gives(seed):
         held[index:] = [put, *held[index + 1 :]]
         frame = covering(frame, put[0])
         sectors.resize(frame)
-        sectors.put(index, *put)
+        put_one(sectors, index, *put)
     trails = rng.uniform(-0.4, 0.4, (3, 8, 2))
     for k in range(9):  # the poses of the first scans are believed anew each time
         seats = [Pose(*rng.uniform(-0.2, 0.2, 3)), held[0][0], held[0][0]]
@@ -46,7 +50,7 @@ def test_putting_replacing_and_growing_gives_what_a_fresh_draw_gives(seed):
     fresh = Sectors()
     fresh.resize(frame)
     for i, put in enumerate(held):
-        fresh.put(i, *put)
+        put_one(fresh, i, *put)
     assert (sectors.cleared == fresh.cleared).all() and sectors.cleared.any()
     assert (sectors.core == fresh.core).all()
     for i, pose in enumerate(seats):
@@ -63,7 +67,7 @@ def test_a_cell_is_cleared_where_its_own_sector_is_clear_that_far(seed):
     pose, clear = Pose(*rng.uniform(-2.0, 2.0, 3) * (1, 1, 9)), rng.uniform(0.0, REACH_M, (2, n))
     frame = covering(GridFrame(0.0, 0.0, 0.05, (1, 1)), pose)
     sectors.resize(frame)
-    sectors.put(0, pose, *clear)
+    put_one(sectors, 0, pose, *clear)
     dx, dy = (frame.centres(np.argwhere(np.ones(frame.shape))) - (pose.x, pose.y)).T
     bins = np.floor((np.arctan2(dy, dx) - pose.heading) / math.tau * n).astype(int) % n
     for counts, limits in zip((sectors.cleared, sectors.core), clear, strict=True):
@@ -74,9 +78,9 @@ def test_putting_the_same_again_changes_nothing():
     rng, sectors = np.random.default_rng(0), Sectors()
     put = random_put(rng)
     sectors.resize(covering(GridFrame(0.0, 0.0, 0.1, (1, 1)), put[0]))
-    sectors.put(0, *put)
+    put_one(sectors, 0, *put)
     before = sectors.cleared.copy()
-    sectors.put(0, *put)
+    put_one(sectors, 0, *put)
     assert (sectors.cleared == before).all() and before.max() == 1
 
 
@@ -127,3 +131,24 @@ def test_a_segment_marks_each_cell_it_passes_once_and_no_other(seed):
     assert not (evidence > 0.0)[~passed].any() or np.count_nonzero((evidence > 0.0) & ~passed) <= 1
     ends = frame.cells(segment.reshape(2, 2))
     assert (evidence[ends[:, 0], ends[:, 1]] == 2.0).all()
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds)
+def test_scans_that_are_put_together_count_as_they_do_one_by_one(seed):
+    rng = np.random.default_rng(seed)
+    puts, frame = [random_put(rng) for _ in range(6)], GridFrame(0.0, 0.0, 0.1, (10, 10))
+    for pose, _, _ in puts:
+        frame = covering(frame, pose)
+    together, single = Sectors(), Sectors()
+    for sectors in (together, single):
+        sectors.resize(frame)
+    for _ in range(3):
+        poses, clear, core = zip(*puts, strict=True)
+        together.put(range(len(puts)), poses, np.array(clear), core)
+        for index, put in enumerate(puts):
+            put_one(single, index, *put)
+        puts = [
+            random_put(rng) if rng.random() < 0.5 else (pose, *random_put(rng)[1:]) for pose, _, _ in puts
+        ]
+    assert (together.cleared == single.cleared).all() and (together.core == single.core).all()
