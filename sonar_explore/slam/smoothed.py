@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -14,6 +15,7 @@ from sonar_explore.measurement import Scan
 from sonar_explore.slam.association import Association
 from sonar_explore.slam.base import ScanEntry, ScanUpdate, SlamConfig
 from sonar_explore.slam.dual import surviving
+from sonar_explore.slam.features import Feature
 from sonar_explore.slam.loop_closing import closed, visits
 from sonar_explore.slam.motion import MotionSum, RandomWalk
 from sonar_explore.slam.point_matching import matched
@@ -31,6 +33,8 @@ class SmoothedSlam(ChainSlam):
         super().__init__(start, config, robot)
         odometry, smoothing = config.odometry, config.smoothing
         self._smoother = Smoother(start, smoothing, (smoothing.turn_error, smoothing.bend_rad_m))
+        self._points_known = self._smoother.points()
+        """Their numbers and places, as last solved."""
         self._kinds: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
         """`PointKind` of every point, by its number."""
         self._heard_at: NDArray[np.intp] = np.zeros((0, 2), dtype=np.intp)
@@ -67,6 +71,7 @@ class SmoothedSlam(ChainSlam):
             self._smoother.add_point(Sighting.of(update.index, number, point, known))
         self._heard_at[met, 1] = update.index
         self._smoother.solve()
+        self._points_known = self._smoother.points()
         self._close_loops()
         self._move_everything()
         return replace(update, pose=self.pose)
@@ -83,7 +88,7 @@ class SmoothedSlam(ChainSlam):
 
     def _met_again(self, points: Sequence[Point], pose: Pose, turn_error: float) -> list[int]:
         """The number of each point of this scan: of the one known before that it is, or a new one."""
-        numbers, places = self._smoother.points()
+        numbers, places = self._points_known
         out = [len(self._kinds) + k for k in range(len(points))]
         if not points:
             return out
@@ -109,7 +114,7 @@ class SmoothedSlam(ChainSlam):
     def _close_loops(self) -> None:
         """Where what was heard of late is what was heard long ago, put the two together."""
         config, now = self.config.loops, len(self._entries) - 1
-        numbers, places = self._smoother.points()
+        numbers, places = self._points_known
         if not len(numbers):
             return
         (first, last), kinds = self._heard_at[numbers].T, self._kinds[numbers]
@@ -133,6 +138,7 @@ class SmoothedSlam(ChainSlam):
         self._smoother.solve()
         if self._smoother.misfit() - before.misfit() > self.config.loops.strain * len(same):
             self._smoother, self._heard_at = before, heard_at
+        self._points_known = self._smoother.points()
 
     def _move_everything(self) -> None:
         """Scans and chains to where they are by the solution, but for those that have hardly moved since they were."""
@@ -147,6 +153,20 @@ class SmoothedSlam(ChainSlam):
         self.chains.place(placed)
         self.pose = placed[len(poses) - 1]
         self._filter.restart(*map(float, (*self._smoother.constants[:2], self._smoother.own[-1])))
+
+    def _reference(
+        self, predicted: Pose, features: Sequence[Feature], associations: Sequence[Association]
+    ) -> Array:
+        """The lines of the chains by the solution, a metre of each beside the link, shape (n, 4)."""
+        rows = np.empty((len(associations), 4))
+        for i, a in enumerate(associations):
+            angle, distance = self._smoother.line(a.chain)
+            x, y = self.chains[a.chain].links[a.link].segment.midpoint
+            c, s = math.cos(angle), math.sin(angle)
+            off = x * c + y * s - distance
+            x, y = x - off * c, y - off * s
+            rows[i] = x + 0.5 * s, y - 0.5 * c, x - 0.5 * s, y + 0.5 * c
+        return rows
 
     def _believable(self, associations: Sequence[Association], residuals: Residuals) -> NDArray[np.bool_]:
         """By the odometry since the last scan, and by how sure that scan's pose is relative to each chain.

@@ -121,10 +121,15 @@ class Smoother:
         """Of the columns, [m]."""
         return self._graph.values[np.array([*self._widths], dtype=np.intp), 2]
 
+    def line(self, chain: int) -> tuple[float, float]:
+        """Of a chain: the angle of the normal [rad] and the distance from the origin [m]."""
+        angle, distance, _, _ = self._graph.values[self._chains[chain]].tolist()
+        return angle, distance
+
     @property
-    def lines(self) -> dict[int, Array]:
-        """Of each chain the angle of the normal [rad] and the distance from the origin [m]."""
-        return {chain: self._graph.values[k, :2].copy() for chain, k in self._chains.items()}
+    def chains(self) -> list[int]:
+        """All that have a line."""
+        return sorted(self._chains)
 
     def add_scan(self, pose: Pose, motion: Motion | None, turn: TurnError | None = None) -> None:
         """A new scan, first guessed here.

@@ -370,7 +370,7 @@ def test_a_true_merge_puts_two_chains_on_one_line_and_moves_nothing():
         out.merge(wall, wall + 4)
     out.solve()
     assert (off_by(out, poses) < 1e-6).all()
-    assert sorted(out.lines) == [0, 1, 2, 3]
+    assert out.chains == [0, 1, 2, 3]
 
 
 def test_the_pose_is_surer_of_a_chain_it_sees_than_of_none():
@@ -402,7 +402,7 @@ def test_the_covariance_of_a_chain_is_that_of_what_many_noisy_drives_say(seed):
             bearing = rng.normal(s.bearing_rad, math.hypot(config.bearing_rad, config.bearing_least_rad))
             out.add_sighting(replace(s, bearing_rad=bearing, range_m=rng.normal(s.range_m, config.range_m)))
         out.solve()
-        (x, y, heading), (angle, distance) = out.poses[-1], out.lines[1]
+        (x, y, heading), (angle, distance) = out.poses[-1], out.line(1)
         there = Pose(x, y, heading) @ Pose(0.8, 0.3, 0.0)
         along = there.x * math.cos(angle) + there.y * math.sin(angle) - distance
         off.append([wrap_angle(heading - poses[-1].heading - angle), along - (ahead.x - 4.0)])
