@@ -18,14 +18,15 @@ FIRMLY = 1e4  # one over the standard deviation of where the first scan stands, 
 def linearised(kinds, ends, measured, values, huber, tolerance, rows, row, off, slope, touched):  # type: ignore[no-untyped-def]
     """All factors at these values: J'r into `slope`, shape (variables, 4). A factor whose rows of the Jacobian have
     changed, relative to what they are in `rows`, by more than the tolerance puts the new ones there, and its variables
-    are `touched`. The sum of the robust loss, in squared sigmas.
+    are `touched`. The sum of Cauchy's loss of what is heard, and that of all factors by the loss that is asked for, in
+    squared sigmas.
 
     Args:
         huber: whether what is heard has Huber's loss, else Cauchy's.
         row: for one factor's rows, shape (3, 11).
         off: and its residuals, shape (3,).
     """
-    loss = 0.0
+    loss = total = 0.0
     slope[:] = 0.0
     for f in range(len(kinds)):
         a, b = ends[f, 0], ends[f, 1]
@@ -33,13 +34,16 @@ def linearised(kinds, ends, measured, values, huber, tolerance, rows, row, off, 
         off[:] = 0.0
         squared = _linearise(kinds[f], measured[f], values, a, b, row, off)
         if squared >= 0.0:
-            loss += CAUCHY * CAUCHY * math.log1p(squared / (CAUCHY * CAUCHY))
-            weight = _huber(squared) if huber else _cauchy(squared)
-            weight = math.sqrt(weight)
+            cauchy = CAUCHY * CAUCHY * math.log1p(squared / (CAUCHY * CAUCHY))
+            loss += cauchy
+            total += _huber_loss(squared) if huber else cauchy
+            weight = math.sqrt(_huber(squared) if huber else _cauchy(squared))
             for i in range(2):
                 off[i] *= weight
                 for j in range(11):
                     row[i, j] *= weight
+        else:
+            total += off[0] * off[0] + off[1] * off[1] + off[2] * off[2]
         changed = size = 0.0
         for i in range(3):
             for j in range(11):
@@ -58,7 +62,7 @@ def linearised(kinds, ends, measured, values, huber, tolerance, rows, row, off, 
             touched[a] = touched[0] = True
             if b >= 0:
                 touched[b] = True
-    return loss
+    return loss, total
 
 
 @inner_kernel
@@ -93,6 +97,12 @@ def _resists(kind, rows, values, a, b):  # type: ignore[no-untyped-def]
 def _huber(squared):  # type: ignore[no-untyped-def]
     """Weight of a squared residual."""
     return 1.0 / max(1.0, math.sqrt(squared) / HUBER)
+
+
+@inner_kernel
+def _huber_loss(squared):  # type: ignore[no-untyped-def]
+    """Of a squared residual."""
+    return squared if squared <= HUBER * HUBER else HUBER * (2.0 * math.sqrt(squared) - HUBER)
 
 
 @inner_kernel

@@ -255,7 +255,7 @@ class Smoother:
     ) -> float:
         graph, row, off = self._graph, np.empty((3, 11)), np.empty(3)
         problem = graph.kinds, graph.ends, graph.measured, graph.values
-        return float(linearised(*problem, huber, tolerance, rows, row, off, slope, touched))
+        return float(linearised(*problem, huber, tolerance, rows, row, off, slope, touched)[0])
 
     def misfit(self) -> float:
         """Of all walls and points as heard, as things stand: the sum of Cauchy's loss, in squared sigmas."""
