@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
 from sonar_explore.geometry import Array, Pose, Segment
 from sonar_explore.slam.discs import TurnError
@@ -40,6 +39,7 @@ from sonar_explore.slam.landmarks import (
     TIMES,
     best_pairs,
     candidates,
+    learned,
     looked,
     observed,
     same_line,
@@ -136,7 +136,7 @@ class JointFilter(OdometryFilter):
         before = self.turn_error
         self._spread()
         off, sure = np.array([turn.relative]), np.array([turn.sigma**2])
-        pose = self._corrected(pose, columns, values, off, sure)
+        pose = self._corrected(pose, *self._observed(columns, values), off, sure)
         return pose, self.turn_error - before + self.own_error
 
     def line(self, chain: int, near: tuple[float, float]) -> Segment | None:
@@ -158,8 +158,7 @@ class JointFilter(OdometryFilter):
         if len(walls):
             self._spread()
             columns, values, innovation, noise = self._looked(pose, self._walls(walls, chains))
-            _, expected = self._observed(columns, values)
-            squared(expected, innovation, noise, off)
+            squared(self._observed(columns, values)[1], innovation, noise, off)
         return np.asarray(off <= self._gate)
 
     def by_walls(
@@ -183,24 +182,21 @@ class JointFilter(OdometryFilter):
             parts.append((columns, values, off, noise))
         for chain in chains:
             self._marks[self._slots[chain], LAST] = scan
-        return self._corrected(pose, *(np.concatenate(part) for part in zip(*parts, strict=True)))
+        columns, values, innovation, noise = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return self._corrected(pose, *self._observed(columns, values), innovation, noise)
 
     def by_points(self, pose: Pose, points: Sequence[Point], scan: int) -> Pose:
         """The pose after the points of a scan that are known; the others are known from now on."""
         self._spread()
         new = np.ones(len(points), dtype=bool)
-        if len(points) and self._count:
-            pairs = self._near(pose, points)
-            heard = self._points([points[i] for i in pairs[:, 0]])
-            heard[:, SLOT] = pairs[:, 1]
-            columns, values, innovation, noise = self._looked(pose, heard)
-            _, expected = self._observed(columns, values)
-            chosen = np.empty(len(pairs), dtype=bool)
-            unmatched = self.joint.unmatched
+        pairs, across, expected, innovation, noise = self._near(pose, points)
+        if len(pairs):
+            chosen, unmatched = np.empty(len(pairs), dtype=bool), self.joint.unmatched
             best_pairs(expected + np.diag(noise), innovation, pairs, unmatched, MOST_STEPS, chosen)
-            if chosen.any():
-                rows = np.repeat(chosen, 2)
-                pose = self._corrected(pose, columns[rows], values[rows], innovation[rows], noise[rows])
+            rows = np.flatnonzero(np.repeat(chosen, 2))
+            if len(rows):
+                inside = expected[np.ix_(rows, rows)]
+                pose = self._corrected(pose, across[rows], inside, innovation[rows], noise[rows])
                 new[pairs[chosen, 0]] = False
                 self._marks[pairs[chosen, 1], TIMES] += 1
                 self._marks[pairs[chosen, 1], LAST] = scan
@@ -275,18 +271,24 @@ class JointFilter(OdometryFilter):
         ]
         return np.array(rows).reshape(-1, RADIUS + 1)
 
-    def _near(self, pose: Pose, points: Sequence[Point]) -> NDArray[np.intp]:
-        """Points of a scan and the landmarks that they may be, by the point, shape (n, 2)."""
-        here = np.array([point.seen_from(pose) for point in points])
+    def _near(
+        self, pose: Pose, points: Sequence[Point]
+    ) -> tuple[NDArray[np.intp], Array, Array, Array, Array]:
+        """Points of a scan and the landmarks that each may be, by the point, shape (k, 2), and what each says: H P and
+        H P H', innovation and noise, two rows each."""
+        here = np.array([point.seen_from(pose) for point in points]).reshape(-1, 2)
         kinds = np.array([float(point.kind) for point in points])
         pairs = np.empty((len(points) * self._count, 2), dtype=np.intp)
         pairs = pairs[: candidates(here, kinds, self.landmarks, self.joint.reach_m, pairs)]
         heard = self._points([points[i] for i in pairs[:, 0]])
         heard[:, SLOT] = pairs[:, 1]
         columns, values, innovation, noise = self._looked(pose, heard)
+        across, expected = self._observed(columns, values)
         off = np.empty(len(pairs))
-        squared(self._observed(columns, values)[1], innovation, noise, off)
-        return pairs[off <= self._gate]
+        squared(expected, innovation, noise, off)
+        near = off <= self._gate
+        rows = np.flatnonzero(np.repeat(near, 2))
+        return pairs[near], across[rows], expected[np.ix_(rows, rows)], innovation[rows], noise[rows]
 
     def _looked(self, pose: Pose, heard: Array) -> tuple[NDArray[np.intp], Array, Array, Array]:
         """Jacobian, innovation and noise of what was heard, two rows each."""
@@ -307,23 +309,11 @@ class JointFilter(OdometryFilter):
         observed(self._full, columns, values, across, expected)
         return across, expected
 
-    def _corrected(
-        self, pose: Pose, columns: NDArray[np.intp], values: Array, innovation: Array, noise: Array
-    ) -> Pose:
+    def _corrected(self, pose: Pose, across: Array, expected: Array, innovation: Array, noise: Array) -> Pose:
         """One update of everything, with Huber's loss over bearing and range together; the pose after it."""
-        across, expected = self._observed(columns, values)
-        if len(noise) > 1:
-            off = np.empty(len(noise) // 2)
-            squared(expected, innovation, noise, off)
-            noise = noise * np.repeat(np.maximum(1.0, off / self.joint.huber_sigmas**2), 2)
-        expected.reshape(-1)[:: len(noise) + 1] += noise
-        factor = np.linalg.cholesky(expected)
-        half = lapack.dtrtrs(factor, np.column_stack([across, innovation]), lower=1)[0]
-        half, rest = half[:, :-1], half[:, -1]
-        full = self.full_covariance
-        full -= half.T @ half
-        self.covariance = full[:SIZE, :SIZE].copy()
-        change = rest @ half
+        change = np.empty(across.shape[1])
+        learned(self._full, across, expected, innovation, noise, self.joint.huber_sigmas**2, change)
+        self.covariance = self._full[:SIZE, :SIZE].copy()
         x, y, heading, turn_error, bend_rad_m, own_error, scale = change[:BASE].tolist()
         self.turn_error += turn_error
         self.bend_rad_m += bend_rad_m

@@ -110,10 +110,59 @@ def observed(covariance, columns, values, across, expected):  # type: ignore[no-
 def squared(expected, innovation, noise, off):  # type: ignore[no-untyped-def]
     """How far off each thing is, bearing and range together, in squared standard deviations."""
     for i in range(len(off)):
-        a, b = 2 * i, 2 * i + 1
-        p, q, r = expected[a, a] + noise[a], expected[a, b], expected[b, b] + noise[b]
-        x, y = innovation[a], innovation[b]
-        off[i] = (r * x * x - 2.0 * q * x * y + p * y * y) / (p * r - q * q)
+        off[i] = _squared(expected, innovation, noise, i)
+
+
+@inner_kernel
+def _squared(expected, innovation, noise, i):  # type: ignore[no-untyped-def]
+    a, b = 2 * i, 2 * i + 1
+    p, q, r = expected[a, a] + noise[a], expected[a, b], expected[b, b] + noise[b]
+    x, y = innovation[a], innovation[b]
+    return (r * x * x - 2.0 * q * x * y + p * y * y) / (p * r - q * q)
+
+
+@kernel
+def learned(covariance, across, expected, innovation, noise, huber, change):  # type: ignore[no-untyped-def]
+    """One update of the filter: the covariance in place, and the change of the state.
+
+    With L L' the covariance of the innovation, P becomes P - A'A and the state moves by A' L^-1 y, where A is L^-1 H P.
+    The noise of what is farther off than this many squared sigmas, bearing and range together, grows with that.
+
+    Args:
+        across: H P; becomes A.
+        expected: H P H'; becomes L.
+        innovation: y; becomes L^-1 y.
+    """
+    m, n = across.shape
+    grown = np.ones(m)
+    for i in range(m // 2):
+        grown[2 * i] = grown[2 * i + 1] = max(1.0, _squared(expected, innovation, noise, i) / huber)
+    for i in range(m):
+        expected[i, i] += noise[i] * grown[i]
+        for j in range(i + 1):
+            value = expected[i, j]
+            for k in range(j):
+                value -= expected[i, k] * expected[j, k]
+            expected[i, j] = math.sqrt(value) if i == j else value / expected[j, j]
+        for k in range(i):
+            innovation[i] -= expected[i, k] * innovation[k]
+            for j in range(n):
+                across[i, j] -= expected[i, k] * across[k, j]
+        innovation[i] /= expected[i, i]
+        for j in range(n):
+            across[i, j] /= expected[i, i]
+    for j in range(n):
+        change[j] = 0.0
+        for i in range(m):
+            change[j] += across[i, j] * innovation[i]
+    for i in range(n):
+        for k in range(m):
+            value = across[k, i]
+            for j in range(i + 1):
+                covariance[i, j] -= value * across[k, j]
+    for i in range(n):
+        for j in range(i):
+            covariance[j, i] = covariance[i, j]
 
 
 @kernel

@@ -17,6 +17,7 @@ from sonar_explore.slam.landmarks import (
     SCALE,
     best_pairs,
     candidates,
+    learned,
     looked,
     observed,
     same_line,
@@ -111,6 +112,30 @@ def test_the_innovation_has_the_covariance_of_the_dense_products(seed):
         both = slice(2 * i, 2 * i + 2)
         block = expected[both, both] + np.diag(noise[both])
         assert off[i] == pytest.approx(innovation[both] @ np.linalg.solve(block, innovation[both]))
+
+
+@pytest.mark.parametrize("m", [1, 2, 6])
+def test_an_update_is_that_of_the_textbook_and_counts_what_is_far_off_less(m):
+    rng = np.random.default_rng(m)
+    n, huber = 11, 1.5
+    root = rng.normal(size=(n, n))
+    covariance, jacobian = root @ root.T, rng.normal(size=(m, n))
+    noise, innovation = rng.uniform(0.1, 1, m), 8.0 * rng.normal(size=m)
+    across = jacobian @ covariance
+    expected, grown = across @ jacobian.T, noise.copy()
+    for i in range(m // 2):
+        both = slice(2 * i, 2 * i + 2)
+        block = expected[both, both] + np.diag(noise[both])
+        grown[both] *= max(1.0, innovation[both] @ np.linalg.solve(block, innovation[both]) / huber)
+    gain = np.linalg.solve(expected + np.diag(grown), across).T
+    moved, left = gain @ innovation, covariance - gain @ across
+    whole, change = np.zeros((n + 2, n + 2)), np.empty(n)
+    whole[:n, :n] = covariance
+    learned(whole, across, expected, innovation, noise, huber, change)
+    np.testing.assert_allclose(change, moved, atol=1e-9)
+    np.testing.assert_allclose(whole[:n, :n], left, atol=1e-9)
+    assert (whole == whole.T).all()
+    assert not whole[n:].any()
 
 
 def cheapest(expected, innovation, pairs, unmatched):
