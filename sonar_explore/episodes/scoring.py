@@ -7,7 +7,7 @@ lowest y, column 0 the lowest x: 0 unknown, 1 free, 2 occupied.
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 import shapely
@@ -136,13 +136,16 @@ class Scorer:
         return float(1.0 - truth[overlap(self.world, grid)][free].mean())
 
     def _see(self, mask: Mask, x: float, y: float) -> None:
-        """Add to the mask the reachable cells seen from (x, y)."""
+        """Add to the mask the reachable cells seen from (x, y): only those that it lacks are looked at."""
         view = self.lattice.window(x - VIEW_M, y - VIEW_M, x + VIEW_M, y + VIEW_M)
-        dx, dy = np.meshgrid(self.lattice.x[view[1]] - x, self.lattice.y[view[0]] - y)
+        rows, columns = np.nonzero(self.reachable[view] & ~mask[view])
+        if not len(rows):
+            return
+        dx, dy = (self.lattice.x[view[1]] - x)[columns], (self.lattice.y[view[0]] - y)[rows]
         distance = np.hypot(dx, dy)
         ray = np.rint(np.arctan2(dy, dx) * (_RAYS / (2 * np.pi))).astype(int) % _RAYS
         seen = distance <= self._ranges(x, y)[ray] + _EPSILON
-        mask[view] |= seen & self.reachable[view]
+        mask[view][rows[seen], columns[seen]] = True
 
     def _ranges(self, x: float, y: float) -> Array:
         """How far one sees from (x, y) along evenly spread rays, 2 m at most, shape (rays,), [m]."""
@@ -152,7 +155,11 @@ class Scorer:
         return cast_rays(x, y, self.world.walls[near], self.world.cylinders)
 
     def _share(self, mask: Mask) -> float:
-        return float(mask.sum() / self.reachable.sum())
+        return float(np.count_nonzero(mask) / self._reachable_cells)
+
+    @cached_property
+    def _reachable_cells(self) -> int:
+        return int(np.count_nonzero(self.reachable))
 
     @cached_property
     def _reachable_wall(self) -> tuple[Array, Array]:
@@ -161,8 +168,7 @@ class Scorer:
 
 def cast_rays(x: float, y: float, walls: Array, cylinders: Array) -> Array:
     """Distance from (x, y) to the first wall (n, 4) or cylinder (m, 3) along 720 rays, 2 m at most, [m]."""
-    angle = np.arange(_RAYS) * (2 * np.pi / _RAYS)
-    ux, uy = np.cos(angle), np.sin(angle)
+    ux, uy = _directions()
     ranges = np.full(_RAYS, VIEW_M)
     ax, ay = walls[:, :1] - x, walls[:, 1:2] - y
     bx, by = walls[:, 2:3] - x, walls[:, 3:] - y
@@ -180,6 +186,13 @@ def cast_rays(x: float, y: float, walls: Array, cylinders: Array) -> Array:
         hit = middle - np.sqrt(np.maximum(radius**2 - beside**2, 0.0))
         ranges = np.where((np.abs(beside) <= radius) & (hit >= 0.0), np.minimum(ranges, hit), ranges)
     return ranges
+
+
+@cache
+def _directions() -> tuple[Array, Array]:
+    """Unit vectors x y of the rays, shape (rays,) each."""
+    angle = np.arange(_RAYS) * (2 * np.pi / _RAYS)
+    return np.cos(angle), np.sin(angle)
 
 
 def _grid(states: States, origin: tuple[float, float], resolution_m: float) -> Lattice:
