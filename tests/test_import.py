@@ -25,5 +25,13 @@ def test_the_robots_mind_can_be_imported_without_any_plotting():
     assert "matplotlib" not in modules_after("import sonar_explore.explorer, sonar_explore.agents")
 
 
+def test_an_environment_needs_neither_pictures_nor_pages_nor_scikit_image():
+    loaded = modules_after(
+        "from sonar_explore.envs.exploration_env import ExplorationEnv; ExplorationEnv('paper/rooms')"
+    )
+    unneeded = ("matplotlib", "skimage", "networkx", "jinja2", "rich", "pandas", "sonar_explore.reports")
+    assert not [name for name in unneeded if name in loaded]
+
+
 def test_both_environments_are_registered_by_the_import():
     assert {"sonar_explore/AmigoBot-v0", "sonar_explore/Exploration-v0"} <= set(gym.registry)
