@@ -227,6 +227,9 @@ def nearest_danger(pieces, count, x, y, c, s, ahead, room):  # type: ignore[no-u
     nearest, found = np.inf, -1
     for i in range(count):
         piece = pieces[i]
+        reach = room + ahead + piece[4] + SCRAPE_M
+        if abs(piece[0] - x) > reach or abs(piece[1] - y) > reach:  # no part of it is near enough: most are not
+            continue
         now = _distance(piece, x, y)
         then = min(
             _distance(piece, x + 0.5 * ahead * c, y + 0.5 * ahead * s),
