@@ -56,7 +56,8 @@ class SlamConfig:
         """Beyond the paper, each departure a named option (docs/departures.md says what each one brings).
 
         Walls are told from edges, corners and hidden ends by the beam pattern; corrections refer to a line through
-        all links of a chain; the odometry has a say in what is believable and in how far to correct.
+        all links of a chain; the odometry has a say in what is believable and in how far to correct; pose, wheels,
+        chains and points are one estimate.
         """
         return cls(
             features=FeatureConfig(beam_check=True, beam_bearing=True, corner_on_wall=True),
