@@ -187,6 +187,8 @@ class JointFilter(OdometryFilter):
 
     def by_points(self, pose: Pose, points: Sequence[Point], scan: int) -> Pose:
         """The pose after the points of a scan that are known; the others are known from now on."""
+        if not points:
+            return pose
         self._spread()
         new = np.ones(len(points), dtype=bool)
         pairs, across, expected, innovation, noise = self._near(pose, points)
