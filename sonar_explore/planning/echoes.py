@@ -228,7 +228,8 @@ def nearest_danger(pieces, count, x, y, c, s, ahead, room):  # type: ignore[no-u
     for i in range(count):
         piece = pieces[i]
         reach = room + ahead + piece[4] + SCRAPE_M
-        if abs(piece[0] - x) > reach or abs(piece[1] - y) > reach:  # no part of it is near enough: most are not
+        # no part of it is near enough: so it is with most
+        if abs(piece[0] - x) > reach or abs(piece[1] - y) > reach:
             continue
         now = _distance(piece, x, y)
         then = min(
