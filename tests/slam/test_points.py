@@ -148,3 +148,72 @@ def test_a_point_of_which_the_map_is_unsure_may_be_farther_off(spread):
     prior = np.diag([0.01, 0.01, 0.01]) ** 2
     found = matched(here, np.zeros(2), prior, known, np.array([spread]), MATCHING)
     assert found.tolist() == ([0] if spread else [-1])
+
+
+def plainly_squared(here, about, known, variance, move):
+    """Of each point of the moved scan to each known one, in squared standard deviations, shape (n, m)."""
+    c, s = math.cos(move[2]), math.sin(move[2])
+    moved = (here - about) @ np.array([[c, s], [-s, c]]) + about + move[:2]
+    gap = known[None] - moved[:, None]
+    return (gap**2).sum(axis=2) / variance
+
+
+def plain_moves(points, targets, rows, columns, config):
+    """Moves x, y [m], turn [rad] about the pose that put one point, or two, on known ones; and none; shape (h, 3)."""
+    first, second = np.triu_indices(len(rows), 1)
+    two = (rows[first] != rows[second]) & (columns[first] != columns[second])
+    first, second = first[two], second[two]
+    before, after = points[second] - points[first], targets[second] - targets[first]
+    alike = np.abs(np.hypot(*before.T) - np.hypot(*after.T)) <= config.apart_m
+    first, second, before, after = first[alike], second[alike], before[alike], after[alike]
+    turn = np.arctan2(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], (before * after).sum(axis=1))
+    middle, aim = 0.5 * (points[first] + points[second]), 0.5 * (targets[first] + targets[second])
+    c, s = np.cos(turn), np.sin(turn)
+    turned = np.column_stack([c * middle[:, 0] - s * middle[:, 1], s * middle[:, 0] + c * middle[:, 1]])
+    pairs = np.column_stack([aim - turned, turn])
+    alone = np.column_stack([targets - points, np.zeros(len(points))])
+    return np.vstack([np.zeros((1, 3)), alone, pairs])
+
+
+def plainly_matched(here, about, prior, known, spread, config, alike):
+    """All moves at once, as arrays."""
+    out = np.full(len(here), -1)
+    off = known[None] - here[:, None]
+    rows, columns = np.nonzero((np.hypot(off[..., 0], off[..., 1]) <= config.reach_m) & alike)
+    if not len(rows):
+        return out
+    moves = plain_moves(here[rows] - about, known[columns] - about, rows, columns, config)
+    price = np.einsum("hi,ij,hj->h", moves, np.linalg.inv(prior + 1e-8 * np.eye(3)), moves)
+    costs = np.stack(
+        [plainly_squared(here, about, known, spread + config.place_m**2, move) for move in moves]
+    )
+    costs[:, ~alike] = np.inf
+    cost = costs[np.argmin(price + np.minimum(costs.min(axis=2), config.unmatched).sum(axis=1))]
+    for i in range(len(here)):
+        j = int(np.argmin(cost[i]))
+        if cost[i, j] < config.unmatched and int(np.argmin(cost[:, j])) == i:
+            out[i] = j
+    return out
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10_000))
+def test_points_are_matched_as_by_trying_all_moves_at_once(seed):
+    rng = np.random.default_rng(seed)
+    known = rng.uniform(0.0, 2.0, (rng.integers(1, 12), 2))
+    true = known[rng.random(len(known)) < 0.7]
+    here = np.vstack(
+        [true + rng.normal(0, 0.02, true.shape) + rng.normal(0, 0.15, 2), rng.uniform(0, 2.0, (1, 2))]
+    )
+    prior = np.diag(rng.uniform(0.01, 0.2, 3) ** 2)
+    alike = rng.random((len(here), len(known))) < 0.9
+    args = (
+        here,
+        np.array([1.0, 1.0]),
+        prior,
+        known,
+        rng.uniform(0.0, 0.03, len(known)) ** 2,
+        MatchingConfig(),
+        alike,
+    )
+    assert matched(*args).tolist() == plainly_matched(*args).tolist()
