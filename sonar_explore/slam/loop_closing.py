@@ -16,6 +16,10 @@ from numpy.typing import NDArray
 
 from sonar_explore.compiled import kernel, lean_kernel
 from sonar_explore.geometry import Array
+from sonar_explore.slam.smoothing import Smoother
+
+SOLUTIONS = 12  # until a closed loop is given up: over a gap of metres the first ones are far from the best
+STANDS = 0.1  # a solution that changes the misfit by less is the last, in squared standard deviations
 
 
 @dataclass(frozen=True)
@@ -94,6 +98,24 @@ def closed(
     if most < config.least or most - second < config.ahead:
         return []
     return [(i, j) for i, j in enumerate(pairs.tolist()) if j >= 0]
+
+
+def settles(smoother: Smoother, worst: float) -> bool:
+    """Whether, solved as often as it takes, what was heard has a misfit no worse than this.
+
+    A long way without walls is bent by metres and turned by tens of degrees when its end is tied to its beginning: one
+    solution does not get there, and its misfit says nothing of whether the loop is one.
+    """
+    before = math.inf
+    for _ in range(SOLUTIONS):
+        smoother.solve()
+        misfit = smoother.misfit()
+        if misfit <= worst:
+            return True
+        if abs(before - misfit) < STANDS:
+            return False
+        before = misfit
+    return False
 
 
 @lean_kernel

@@ -16,7 +16,7 @@ from sonar_explore.slam.association import Association
 from sonar_explore.slam.base import ScanEntry, ScanUpdate, SlamConfig
 from sonar_explore.slam.dual import surviving
 from sonar_explore.slam.features import Feature
-from sonar_explore.slam.loop_closing import closed, visits
+from sonar_explore.slam.loop_closing import closed, settles, visits
 from sonar_explore.slam.motion import MotionSum, RandomWalk
 from sonar_explore.slam.point_matching import matched
 from sonar_explore.slam.points import Point
@@ -135,8 +135,7 @@ class SmoothedSlam(ChainSlam):
         for survivor, absorbed in same:
             self._smoother.merge_points(survivor, absorbed)
             self._heard_at[survivor, 1] = self._heard_at[absorbed, 1]
-        self._smoother.solve()
-        if self._smoother.misfit() - before.misfit() > self.config.loops.strain * len(same):
+        if not settles(self._smoother, before.misfit() + self.config.loops.strain * len(same)):
             self._smoother, self._heard_at = before, heard_at
         self._points_known = self._smoother.points()
 

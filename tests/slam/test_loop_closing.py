@@ -2,13 +2,18 @@
 """A loop closes where many points of late fall on old ones under one likely move, and stays open otherwise."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sonar_explore.slam.loop_closing import LoopConfig, _best, _fallen, _gate, closed, visits
+from sonar_explore.geometry import Pose
+from sonar_explore.slam.loop_closing import LoopConfig, _best, _fallen, _gate, closed, settles, visits
+from sonar_explore.slam.motion import MotionSum, RandomWalk
+from sonar_explore.slam.sighting import Sighting
+from sonar_explore.slam.smoothing import Smoother, SmoothingConfig
 
 CONFIG = LoopConfig()
 ABOUT = np.array([3.0, 2.0])
@@ -195,3 +200,66 @@ def test_what_falls_on_what_is_what_the_plain_search_says(seed):
     owner, expected = fallen_plainly(recent, old, alike, c, s, np.array([0.02, -0.01]), together)
     assert {i: j for i, j in enumerate(here.tolist()) if j >= 0} == owner
     assert count == len(owner) and misfit == pytest.approx(expected)
+
+
+STEP_M = 0.67
+
+
+def long_way_round(seed, shifted_m=0.0):
+    """A drive round a circle of 6 m without walls, solved scan by scan, and where its last scan truly is.
+
+    Six points are heard at the start and, with other numbers and each moved elsewhere by so much, at the end.
+    """
+    rng, walk, scans = np.random.default_rng(seed), MotionSum(RandomWalk(0.03, 0.015, 0.04)), 60
+    true = [Pose(6.0, 0.0, 0.5 * math.pi)]
+    turn = math.tau / (scans - 4)
+    points = (true[0] @ Pose(1.3, 0.0, 0.0)).transform(rng.uniform(-1.5, 1.5, (6, 2)))
+    out, believed = Smoother(true[0], SmoothingConfig(), (0.007, 0.02)), true[0]
+    for i in range(scans):
+        motion = None
+        if i:
+            walk.clear(math.tau)
+            turned = Pose(0.0, 0.0, math.tau)
+            walk.add(
+                Pose(0.0, 0.0, 0.0), turned, turned @ Pose(STEP_M, 0.0, 0.0), turned @ Pose(STEP_M, 0.0, turn)
+            )
+            noise = rng.multivariate_normal(np.zeros(3), walk.total.covariance)
+            motion = replace(walk.total, change=walk.total.change + noise)
+            true.append(true[-1] @ Pose(STEP_M, 0.0, turn))
+            believed = believed @ Pose(*motion.change)
+        out.add_scan(believed, motion)
+        late = i >= scans - 4
+        for k, (x, y) in enumerate(points if i < 4 or late else []):
+            x, y = x + late * shifted_m * math.cos(2.4 * k), y + late * shifted_m * math.sin(2.4 * k)
+            x, y = true[i].inverse().transform(np.array([x, y]))
+            out.add_point(Sighting(i, k + 100 * late, math.atan2(y, x), 0.0, math.hypot(x, y)))
+        out.solve()
+    return out, true[-1]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_loop_over_metres_settles_where_its_points_are_the_same_and_only_there(seed):
+    out, true = long_way_round(seed)
+    worst = out.misfit() + 6 * CONFIG.strain
+    for k in range(6):
+        out.merge_points(k, k + 100)
+    assert settles(out, worst)
+    assert Pose(*out.poses[-1]).distance_to(true) < 0.05
+    out, _ = long_way_round(seed, shifted_m=0.3)
+    worst = out.misfit() + 6 * CONFIG.strain
+    for k in range(6):
+        out.merge_points(k, k + 100)
+    assert not settles(out, worst)
+
+
+def test_a_loop_over_metres_is_not_where_one_solution_leaves_it():
+    gaps = []
+    for seed in (3, 4, 6):
+        out, true = long_way_round(seed)
+        before, gap = out.misfit(), Pose(*out.poses[-1]).distance_to(true)
+        for k in range(6):
+            out.merge_points(k, k + 100)
+        out.solve()
+        if out.misfit() > before + 6 * CONFIG.strain:
+            gaps.append(gap)
+    assert gaps and min(gaps) > 1.0
