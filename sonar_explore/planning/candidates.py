@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import compress
 
@@ -81,7 +81,7 @@ class CandidateFinder:
         chains: Sequence[Chain],
         scanned: Array,
         put_aside: Array,
-        tried: dict[int, int],
+        tried: Mapping[int, int] | None,
     ) -> tuple[Candidate, ...]:
         """The most promising places, the largest new area per path first.
 
@@ -91,15 +91,17 @@ class CandidateFinder:
             chains: the chain map.
             scanned: scan positions so far, shape (n, 2), map frame, [m].
             put_aside: places that could not be got to, shape (k, 2), map frame, [m].
-            tried: how often the missing link of each dangling chain was looked for.
+            tried: how often the missing link of each dangling chain was looked for; None where none is any more.
         """
         cells = self._lattice(grid, paths, np.vstack([scanned, put_aside]))
         if not len(cells):
             return ()
-        area = new_area(grid, cells, self._body, self._config.view_m)
+        area = new_area(grid, cells, scanned, self._body, self._config.view_m)
         places = grid.frame.centres(cells)
         spans = self._spans.of(chains)
-        dangling = np.array([c.dangling and tried.get(c.id, 0) < 2 for c in chains], dtype=bool)
+        dangling = np.array(
+            [c.dangling and tried is not None and tried.get(c.id, 0) < 2 for c in chains], dtype=bool
+        )
         certain = np.array([c.root_probability if not c.dangling else 0.0 for c in chains])
         meets = self._answered(places, spans[dangling], grid)
         meets[meets] = self._answered(places[meets], spans[~dangling], grid)

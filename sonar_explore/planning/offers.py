@@ -25,12 +25,18 @@ DOUBTS_AGAIN_AFTER_M2 = 4.0  # [m2] of free space found: as many again
 DOUBT_AREA_M2 = 0.5  # new area for which that is worth it,
 DOUBT_AREA_PER_M = 0.05  # [m2/m], and for each metre of the way; the share below bounds what it costs
 DOUBT_AREA_ENOUGH_M2 = 1.5  # more counts for nothing, outside is any amount: so none leads beyond 30 m
+BEHIND_M2 = 0.5  # [m2] free that only daring or doubt leads to make a place worth that,
+BEHIND_M = 2.0  # [m], where they lie within so much of it: a room whose door looks shut was seen into
 DOUBTED_M = 0.75  # places nearer to one that was tried so are not tried again
 SECOND_CHANCE_AFTER_M2 = 4.0  # of free space found since the last one
 LOOP_TRIPS = 12  # drives to close loops
 LOOP_GOAL_M = 0.3  # nearer to where two of them went, none is sent any more
 FAR_SHARE = 0.05  # of the way driven may be spent on daring and doubts farther off: they seldom find much;
 FAR_LEAST_M = 20.0  # [m], and so much from each find on: a room may be left behind a door that looks shut
+LINK_SHARE = (
+    0.05  # of the way driven may be spent on meeting dangling chains where nothing new is to be seen,
+)
+LINK_LEAST_M = 3.0  # [m], and so much more: where the pose is off, every scan leaves chains that dangle
 SAME_PLACE_M = 0.05  # nearer to a place put aside is that place: elsewhere the robot has stood
 
 
@@ -60,6 +66,8 @@ class Offers:
         """Where those drives ended, or should have, anchored."""
         self._far_m = FAR_LEAST_M
         """What may be spent on daring and doubts farther off than `NEAR_M`, [m]."""
+        self._links_m = LINK_LEAST_M
+        """What may be spent on meeting dangling chains alone, [m]."""
         self.goal: tuple[float, float] | None = None
         """Where the last drive was going when it stopped for a scan, map frame, [m]; None where it was not."""
         self.gave_up = False
@@ -91,6 +99,8 @@ class Offers:
         """How the way there went, where the robot stands now, and how far it drove, [m]."""
         far = self._surroundings.daring and candidate.path_length_m > NEAR_M
         self._far_m += -driven_m if far else FAR_SHARE * driven_m
+        nothing_new = candidate.new_area_m2 < self._config.candidates.least_area_m2
+        self._links_m += -driven_m if candidate.missing_links and nothing_new else LINK_SHARE * driven_m
         place = candidate.x, candidate.y
         if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED):
             self._put_aside.append(self._surroundings.anchored(*place))
@@ -116,18 +126,17 @@ class Offers:
     ) -> tuple[Candidate, ...]:
         """Places worth a scan; those farther away, by ways weighted by discomfort, [m], are not looked for. `near` is
         for a look: nobody goes by those ways."""
-        here, tried = self._surroundings, tuple(sorted(self._tried.items()))
+        here = self._surroundings
+        tried = self._tried if self._links_m > 0.0 else None
         places = here.placed(put_aside)
         paths = here.near_paths(pose, reach_m) if near else here.paths(pose, reach_m)
         taken = here.doubtful, here.daring, pose.x, pose.y, paths.within_m
-        key = (here.version, *taken, tuple(places), tried)
+        key = (here.version, *taken, tuple(places), tried is None or tuple(sorted(tried.items())))
         if key not in self._found:
             self._found = {k: v for k, v in self._found.items() if k[0] == here.version}
             aside = np.array(places).reshape(-1, 2)
             chains = self._slam.chains.chains
-            self._found[key] = self._finder.find(
-                here.grid, paths, chains, here.scan_positions, aside, self._tried
-            )
+            self._found[key] = self._finder.find(here.grid, paths, chains, here.scan_positions, aside, tried)
         return self._found[key]
 
     def _safe(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
@@ -139,7 +148,16 @@ class Offers:
     def _dared(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
         """Places so near, by ways nearer to the unknown and into gaps that the map draws too narrow."""
         self._surroundings.daring = True
-        return self._near(pose, within_m)
+        found = self._near(pose, within_m)
+        return self._leading_on(pose, found) if NEAR_M < within_m < math.inf else found
+
+    def _leading_on(self, pose: Pose, places: Sequence[Candidate]) -> tuple[Candidate, ...]:
+        """Those of the places about which enough is free that no safe way on the map that is believed leads to."""
+        if not places:
+            return ()
+        beyond = self._surroundings.beyond_belief(pose, max(c.path_length_m for c in places) + BEHIND_M)
+        least = BEHIND_M2 / self._surroundings.resolution_m**2
+        return tuple(c for c in places if (np.hypot(*(beyond - (c.x, c.y)).T) <= BEHIND_M).sum() >= least)
 
     def _is_hemmed_in(self, pose: Pose) -> bool:
         """Whether most of the places with room cannot be got to without daring."""
@@ -164,14 +182,17 @@ class Offers:
         here.daring = True
         here.believe(doubtful=True)
         doubted = here.placed(self._doubted)
-        found = [
-            c
-            for c in self._near(pose, within_m)
-            if _is_worth_a_doubt(c) and all(math.hypot(x - c.x, y - c.y) > DOUBTED_M for x, y in doubted)
-        ]
+        found = self._leading_on(
+            pose,
+            [
+                c
+                for c in self._near(pose, within_m)
+                if _is_worth_a_doubt(c) and all(math.hypot(x - c.x, y - c.y) > DOUBTED_M for x, y in doubted)
+            ],
+        )
         if found:
             x, y = self.goal or (math.inf, math.inf)
-            return tuple(c for c in found if math.hypot(c.x - x, c.y - y) <= DOUBTED_M) or tuple(found)
+            return tuple(c for c in found if math.hypot(c.x - x, c.y - y) <= DOUBTED_M) or found
         here.believe(doubtful=False)
         return ()
 

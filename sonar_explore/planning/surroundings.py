@@ -65,6 +65,11 @@ class Surroundings:
         return self._grids[self.doubtful]
 
     @property
+    def resolution_m(self) -> float:
+        """Side of a cell of the map, [m]."""
+        return self._config.mapping.resolution_m
+
+    @property
     def scans(self) -> int:
         """How many there are."""
         return len(self._looks)
@@ -147,6 +152,16 @@ class Surroundings:
         here = (self.doubtful, self.grid.frame.cell(pose.x, pose.y), self.daring)
         known = [within_m for within_m in self._plans.get(here, {}) if within_m >= way_m]
         return self.paths(pose, min(known, default=math.inf))
+
+    def beyond_belief(self, pose: Pose, way_m: float) -> Array:
+        """Middles of cells that ways so long, [m], lead to as the map is taken, and no safe way on the map that is
+        believed, shape (n, 2), [m]."""
+        taken_as = self.doubtful, self.daring
+        within = self.paths_as_far_as(pose, way_m).within
+        self.doubtful, self.daring = False, False
+        believed = self.paths(pose).within
+        self.doubtful, self.daring = taken_as
+        return self.grid.frame.centres(np.argwhere(within & ~believed))
 
     def all_paths(self, pose: Pose, way_m: float, detour_m: float) -> Iterator[tuple[SafePaths, float]]:
         """Paths as far as a way is long, [m], and how long they may be, [m]: before those of the map as it is taken,

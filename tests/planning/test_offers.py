@@ -12,10 +12,13 @@ from sonar_explore.geometry import Pose
 from sonar_explore.planning.candidates import Candidate
 from sonar_explore.planning.driving import DriveEnd
 from sonar_explore.planning.offers import (
+    BEHIND_M2,
     DOUBTS,
     DOUBTS_AGAIN_AFTER_M2,
     FAR_LEAST_M,
     FAR_SHARE,
+    LINK_LEAST_M,
+    LINK_SHARE,
     NEAR_M,
     Offers,
 )
@@ -34,6 +37,9 @@ class Land:
     dared = False
     """Whether daring is enough to get there."""
     shut_in = False
+    behind_m2 = 2.0
+    """What is free behind each place, and no safe way leads to."""
+    resolution_m = 0.05
 
     def __init__(self, *places):
         self.places, self.version, self.doubtful, self.daring, self.free_m2 = places, 0, False, False, 50.0
@@ -55,6 +61,10 @@ class Land:
 
     def near_paths(self, pose, within_m):
         return self.paths(pose, within_m)
+
+    def beyond_belief(self, pose, way_m):
+        cells = round(self.behind_m2 / self.resolution_m**2)
+        return np.array([(c.x, c.y) for c in self.places for _ in range(cells)]).reshape(-1, 2)
 
     def swap_obstacles(self, obstacles):
         self.version += 1
@@ -169,3 +179,37 @@ def test_while_something_near_is_left_the_whole_building_is_not_looked_through(n
     land.paths = paths  # type: ignore[method-assign]
     land.near_paths = paths  # type: ignore[method-assign]
     assert offers.now(HERE) and asked == looked_m
+
+
+@pytest.mark.parametrize("way_m", [1.0, 2.0 * NEAR_M])
+def test_a_wall_is_doubted_only_where_the_robot_has_seen_what_is_behind_it(way_m):
+    for behind_m2 in (0.5 * BEHIND_M2, 2.0 * BEHIND_M2):
+        land = Land(place(1.0, 0.0, way_m))
+        land.behind_m2 = behind_m2
+        assert bool(offers_in(land).now(HERE)) == (behind_m2 > BEHIND_M2)
+
+
+def test_a_narrow_gap_near_by_is_tried_and_one_far_off_only_where_the_robot_has_seen_what_is_behind_it():
+    for way_m, behind_m2, tried in ((1.0, 0.0, True), (2.0 * NEAR_M, 0.0, False), (2.0 * NEAR_M, 2.0, True)):
+        land = Land(place(1.0, 0.0, way_m))
+        land.dared, land.behind_m2 = True, behind_m2
+        assert bool(offers_in(land).now(HERE)) == tried
+
+
+def test_where_every_scan_leaves_chains_that_dangle_the_robot_does_not_go_round_after_them_for_ever():
+    class Dangling(Land):
+        def find(self, grid, paths, chains, scanned, put_aside, tried):
+            return () if tried is None else (Candidate(1.0, 0.0, 1.0, 0.0, (), 0.0, (self.version,)),)
+
+    land = Dangling()
+    offers = offers_in(land)
+    trips = 0
+    while offers.now(HERE):
+        try_one(offers, land, DriveEnd.ARRIVED, HERE)
+        trips += 1
+        assert trips <= LINK_LEAST_M
+    assert trips == LINK_LEAST_M
+    offers.learn(
+        place(1.0, 0.0), DriveEnd.ARRIVED, HERE, 1.5 / LINK_SHARE
+    )  # something new was looked at on the way
+    assert offers.now(HERE)
