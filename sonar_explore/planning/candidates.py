@@ -96,7 +96,7 @@ class CandidateFinder:
         cells = self._lattice(grid, paths, np.vstack([scanned, put_aside]))
         if not len(cells):
             return ()
-        area = new_area(grid, cells, scanned, self._body, self._config.view_m)
+        area = new_area(grid, cells, self._body, self._config.view_m)
         places = grid.frame.centres(cells)
         spans = self._spans.of(chains)
         dangling = np.array(
