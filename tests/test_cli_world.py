@@ -65,6 +65,8 @@ def test_it_warns(capsys: Capture, tmp_path: Path, room: str, expected: str) -> 
         (["foor"], "unknown world 'foor'"),
         (["generated/castle"], "generated/office"),
         (["paper/rooms?start=0.1,0.1"], "free: ("),
+        (["plan.png?start=nan,1"], "is no place in metres"),
+        (["paper/rooms?start=1,1e400"], "is no place in metres"),
         (["paper/rooms", "--out", "/dev/null/picture.png"], "cannot write"),
         (["paper/rooms", "--out", "picture.xyz"], "cannot write the picture"),
         ([], "FILE"),

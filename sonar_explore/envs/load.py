@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from sonar_explore.envs.readers.source import ReadOptions
-from sonar_explore.envs.validation import validate
+from sonar_explore.envs.validation import validate, validate_start
 from sonar_explore.envs.world import GENERATED, World
 from sonar_explore.errors import SonarExploreError, unknown_name
 from sonar_explore.geometry import Pose
@@ -62,6 +62,8 @@ def load_world(
         return world if start is None else validate(replace(world, start=start))
     given = _read_options(name, options)
     given = ReadOptions(start or given.start, given.resolution_m if resolution_m is None else resolution_m)
+    if given.start is not None:
+        validate_start(name, given.start)
     if name in shipped_worlds():
         world = _reader(".toml")(_SHIPPED / f"{name}.toml", ReadOptions(given.start))
         return replace(world, name=name)

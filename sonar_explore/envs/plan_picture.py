@@ -41,7 +41,7 @@ def save_picture(world: World, found: Survey, path: Path) -> None:
         zorder=4,
     )
     axes.set_title(
-        f"{world.name}: {found.free_area_m2:.1f} m², {100 * found.reached_share:.0f} % within reach",
+        f"{world.name}: {found.free_area_m2:.1f} m², {100 * found.reached_share:.1f} % within reach",
         fontsize=10,
     )
     axes.set(xlabel="x [m]", ylabel="y [m]")

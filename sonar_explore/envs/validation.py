@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from sonar_explore.errors import SonarExploreError
 
 if TYPE_CHECKING:
     from sonar_explore.envs.world import World
+    from sonar_explore.geometry import Pose
 
 MAX_EXTENT_M = 1000.0
 """A larger world has its unit wrong (millimetres, pixels)."""
@@ -47,6 +49,13 @@ def validate_walls(world: World) -> World:
     return world
 
 
+def validate_start(name: str, start: Pose) -> None:
+    """An error for a start that is no place at all."""
+    if not (np.abs([start.x, start.y, start.heading]) <= MAX_COORDINATE_M).all():
+        place = f"({start.x:g}, {start.y:g}), {math.degrees(start.heading):g} degrees"
+        raise SonarExploreError(f"{name}: the start {place} is no place in metres")
+
+
 def _check_numbers(world: World) -> None:
     for what, array, columns in (("walls", world.walls, 4), ("cylinders", world.cylinders, 3)):
         if array.ndim != 2 or array.shape[1] != columns:
@@ -65,11 +74,7 @@ def _check_numbers(world: World) -> None:
         raise SonarExploreError(f"{world.name}: roughness must lie between 0 and 1")
     if not (world.cylinders[:, 2] > 0.0).all():
         raise SonarExploreError(f"{world.name}: the radius of a cylinder must be above 0")
-    start = world.start
-    if not (np.abs([start.x, start.y, start.heading]) <= MAX_COORDINATE_M).all():
-        raise SonarExploreError(
-            f"{world.name}: the start is no place in metres: ({start.x:g}, {start.y:g}), heading {start.heading:g} rad"
-        )
+    validate_start(world.name, world.start)
 
 
 def _check_extent(world: World) -> None:

@@ -84,6 +84,8 @@ def run(
     else:
         _print_summary(record)
         click.echo(f"report: {report_file}")
+        if log is not None:
+            click.echo(f"log: {log}")
 
 
 @click.command(short_help="Make the report of an episode again.")
@@ -119,6 +121,8 @@ def export(episode: Path, tum: Path | None, truth: Path | None, map_name: Path |
 
     if tum is None and truth is None and map_name is None:
         raise SonarExploreError("say what to export: --tum FILE, --truth FILE, --map NAME")
+    if tum is not None and tum == truth:
+        raise SonarExploreError(f"--tum and --truth both name {tum}; give each a file of its own")
     record = load_record(episode)
     states = grid_states(record.grid)
     maps = ros_map_files(map_name) if map_name else ()

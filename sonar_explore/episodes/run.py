@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import traceback
 from collections.abc import Callable
@@ -105,4 +106,6 @@ def _chosen(policy: ExplorationPolicy, situation: Situation) -> Decision:
         raise SonarExploreError(
             f"the agent chose candidate {decision.chosen} with {len(decision.scores)} scores; there are {n} candidates"
         )
+    if not all(math.isfinite(term) for score in decision.scores for term in score.terms.values()):
+        raise SonarExploreError("the agent gave a score that is no number; every term must be finite")
     return decision

@@ -42,12 +42,10 @@ def real_sonar(data: Path, seeds: int, out: Path, docs: Path | None) -> None:
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    default=Path("runs/replay"),
-    show_default=True,
-    help="Folder for replay.json and replay.html.",
+    help="Folder for replay.json and replay.html.  [default: runs/replay-SLAM]",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON array, nothing else.")
-def replay(files: tuple[Path, ...], slam: str, out: Path, as_json: bool) -> None:
+def replay(files: tuple[Path, ...], slam: str, out: Path | None, as_json: bool) -> None:
     """Run SLAM on recorded scans: FILE... is a log of ours, or scans as others keep them (docs/replay.md)."""
     import msgspec
 
@@ -57,6 +55,7 @@ def replay(files: tuple[Path, ...], slam: str, out: Path, as_json: bool) -> None
     from sonar_explore.reports.replay import write_replay_page
 
     logs = read_logs(files)
+    out = out or Path("runs") / f"replay-{slam}"
     with writable_folder(out):
         done = [replay(log, slam) for log in logs]
         found = [as_builtins(one) for one in done]

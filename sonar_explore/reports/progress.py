@@ -14,6 +14,13 @@ from rich.text import Text
 
 from sonar_explore.episodes.record import StepRecord, Summary
 
+ENDS = {
+    "explored": "explored: nothing is left that it believes worth a scan",
+    "stuck": "stuck: the way to a place that it believes worth a scan stayed shut",
+    "scan_limit": "at the limit of scans",
+}
+"""What each end means."""
+
 
 @contextmanager
 def live_line() -> Iterator[Callable[[StepRecord], None]]:
@@ -35,7 +42,7 @@ def summary_table(summary: Summary) -> Table:
     """The figures of an episode that a reader asks for first."""
     position, heading = summary.position_error_m, summary.heading_error_deg
     rows = [
-        ("ended", summary.end_reason.replace("_", " ")),
+        ("ended", ENDS.get(summary.end_reason, summary.end_reason)),
         ("explored", f"{100 * summary.explored_fraction:.1f} % in {counted(summary.scans, 'scan')}"),
         ("driven", f"{summary.path_length_m:.1f} m, {counted(summary.contacts, 'contact')}"),
         (

@@ -152,7 +152,7 @@ def test_walls_of_no_length_are_dropped(tmp_path: Path) -> None:
         ("title", "titel", "unknown field `titel`"),
         ('"A room"', "3", "Expected `str`, got `int` - at `$.title`"),
         ("x = 1.0", "x = ", "my.toml"),
-        ("x = 1.0", "x = nan", "the start is no place in metres"),
+        ("x = 1.0", "x = nan", "is no place in metres"),
         ("[0, 3]", "[0, inf]", "walls[2] is no place in metres"),
         ("[0, 3]", "[0, 1e300]", "walls[2] is no place in metres"),
         ("[0, 3]", "[0, 3000]", "3e+03 m across; at most 1000 m"),

@@ -95,6 +95,7 @@ def test_a_map_says_free_occupied_and_unknown_as_map_server_does():
     ("arguments", "words"),
     [
         ([], "--tum FILE"),
+        (["--tum", "way.txt", "--truth", "way.txt"], "a file of its own"),
         (["--tum", "/dev/null/way.txt"], "cannot write"),
         (["--tum", "way.txt", "--map", "/dev/null/map"], "cannot write"),
     ],

@@ -1,6 +1,7 @@
 """A whole episode: what it records, that it can be repeated, and that policies cannot break it."""
 
 import json
+import math
 import subprocess
 import sys
 from dataclasses import replace
@@ -192,3 +193,12 @@ def test_where_a_policy_fails_its_line_is_named():
         SonarExploreError, match=r"choose failed at .*test_run\.py line \d+: KeyError: 'mine'"
     ):
         run_episode("paper/corridor", Fails())
+
+
+def test_a_score_that_is_no_number_is_an_error():
+    class Nan:
+        def choose(self, situation):
+            return Decision.best([Score({"gain": math.nan}) for _ in situation.candidates])
+
+    with pytest.raises(SonarExploreError, match="every term must be finite"):
+        run_episode("paper/corridor", Nan())

@@ -88,7 +88,8 @@ def parse_name(name: str, options: dict[str, str]) -> GeneratorName:
     """The parts of `generated/office-17` and its options."""
     match = _NAME.fullmatch(name.removeprefix(GENERATED))
     if match is None or match.group(1) not in KINDS:
-        raise unknown_name("world", name, [*generator_names(), f"{GENERATED}office-17"])
+        known = unknown_name("world", name, generator_names())
+        raise SonarExploreError(f"{known}, each with a seed of 0 to {MAX_SEED}, as {GENERATED}office-17")
     for key in options:
         if key not in ("difficulty", "seed"):
             raise SonarExploreError(f"{name}: {unknown_name('option', key, ('difficulty', 'seed'))}")

@@ -57,7 +57,7 @@ def bitmap_world(bitmap: Bitmap, title: str, start: Pose | None = None) -> World
     """
     if not bitmap.resolution_m > 0.0 or not np.isfinite(bitmap.resolution_m):
         raise SonarExploreError(
-            f"{bitmap.name}: resolution {bitmap.resolution_m} m per pixel; it must be above 0"
+            f"{bitmap.name}: resolution {bitmap.resolution_m} m per pixel; it must be a number above 0"
         )
     start_in_image = None if start is None else bitmap.origin.inverse() @ start
     component, start_in_image = _component(bitmap, start_in_image)
