@@ -110,3 +110,8 @@ def test_an_episode_of_ring_scans_is_recorded_with_its_discs_and_can_be_reported
 def test_an_unknown_kind_of_scan_is_refused_with_those_that_are_known():
     with pytest.raises(SonarExploreError, match="ring, turn"):
         ExplorationConfig(scan="spiral")
+
+
+def test_smoothed_closes_a_loop_by_walls_where_no_scan_hears_points():
+    record = run_episode("paper/loop", slam="smoothed", config=ExplorationConfig(scan="ring"))
+    assert record.summary.loop_closed

@@ -41,6 +41,8 @@ class SmoothedSlam(ChainSlam):
         """First and last scan that heard it."""
         self._where: Array = np.zeros((0, 3))
         """x, y [m], heading [rad] at which each scan was placed."""
+        self._hears_points = False
+        """Whether a scan has what points are heard by: all discs."""
         self._motion = MotionSum(RandomWalk(odometry.turn_rad, odometry.drift_rad, odometry.distance_m))
 
     def predict(self, pose_robot_in_odometry: Pose) -> Pose:
@@ -58,6 +60,7 @@ class SmoothedSlam(ChainSlam):
     def update(self, scan: Scan) -> ScanUpdate:
         """Section III first, then everything again."""
         known = self._filter.turn_error
+        self._hears_points = self.config.agreement.enabled and bool(scan.others)
         update = super().update(scan)
         met = self._met_again(self._points, update.pose, self._smear - known)
         heard = self._turn_heard and replace(self._turn_heard, relative=self._turn_heard.relative + known)
@@ -171,8 +174,11 @@ class SmoothedSlam(ChainSlam):
         """By the odometry since the last scan, and by how sure that scan's pose is relative to each chain.
 
         Of a chain that is too unsure of where it is, seen from here, any parallel wall may seem to be the next piece.
+        Points tell better, where they are heard at all: by one disc, or one for each bearing, they are not.
         """
         chains = [association.chain for association in associations]
         spread = self._smoother.covariances(chains, self.pose, residuals.normals)
-        sure = spread[:, 1, 1] <= self.config.matching.sure_m**2
-        return self._filter.believable(residuals, spread) & sure
+        believable = self._filter.believable(residuals, spread)
+        if self._hears_points:
+            believable &= spread[:, 1, 1] <= self.config.matching.sure_m**2
+        return believable
