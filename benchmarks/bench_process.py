@@ -14,7 +14,6 @@ from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv, VectorEnv
 
 from sonar_explore.envs.exploration_env import ExplorationEnv
 
-FIRST_RUN = "from sonar_explore.episodes.run import run_episode; run_episode('paper/corridor', seed=0)"
 MEMORY = """
 import os, psutil
 process = psutil.Process(os.getpid())
@@ -39,6 +38,11 @@ def python(*arguments: str, **environment: str) -> str:
     ).stdout
 
 
+def run_corridor(**environment: str) -> None:
+    with tempfile.TemporaryDirectory() as out:
+        python("-m", "sonar_explore.cli", "run", "paper/corridor", "--out", out, **environment)
+
+
 def bench_interpreter(benchmark):
     benchmark.pedantic(lambda: python("-c", "pass"), rounds=5, warmup_rounds=1)
 
@@ -52,18 +56,18 @@ def bench_help(benchmark):
 
 
 def bench_first_run(benchmark):
-    """A short episode with an empty cache: everything is compiled."""
+    """As the command does it, with an empty cache: everything is compiled, by two processes."""
 
     def first() -> None:
         with tempfile.TemporaryDirectory() as cache:
-            python("-c", FIRST_RUN, NUMBA_CACHE_DIR=cache)
+            run_corridor(NUMBA_CACHE_DIR=cache)
 
     benchmark.pedantic(first, rounds=1)
 
 
 def bench_second_run(benchmark):
     """The same, compiled before."""
-    benchmark.pedantic(lambda: python("-c", FIRST_RUN), rounds=3, warmup_rounds=1)
+    benchmark.pedantic(run_corridor, rounds=3, warmup_rounds=1)
 
 
 def bench_memory(benchmark, figure):
