@@ -54,17 +54,6 @@ class Residuals:
         return Residuals(**{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
 
 
-def residuals_to_roots(
-    pose_robot_in_map: Pose,
-    features: Sequence[Feature],
-    associations: Sequence[Association],
-    chains: ChainMap,
-) -> Residuals:
-    """ADR and NDR of every association, to the roots as they were heard."""
-    roots = np.array([chains[a.chain].root.segment.as_row() for a in associations]).reshape(-1, 4)
-    return residuals_to_lines(pose_robot_in_map, features, associations, chains, roots)
-
-
 def residuals_to_lines(
     pose_robot_in_map: Pose,
     features: Sequence[Feature],

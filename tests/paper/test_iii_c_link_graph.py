@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic import wall_feature
+from synthetic import residuals_to_roots, wall_feature
 
 from sonar_explore.geometry import Pose
 from sonar_explore.slam import ChainMap, Link
 from sonar_explore.slam.association import Association, AssociationConfig, associate
 from sonar_explore.slam.link_graph import LinkGraphConfig, fit_link_graphs
-from sonar_explore.slam.residuals import Residuals, residuals_to_roots
+from sonar_explore.slam.residuals import Residuals
 
 # Roots by (bearing of the normal [deg], distance [m]) from the robot. Chain 4 is an open door beside a wall.
 ROOTS = [(90.0, 1.0), (-90.0, 1.0), (0.0, 1.2), (90.0, 1.5)]

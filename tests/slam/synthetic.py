@@ -12,6 +12,7 @@ from sonar_explore.amigobot import AmigoBot
 from sonar_explore.geometry import Pose, Segment
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.features import Feature, FeatureKind
+from sonar_explore.slam.residuals import residuals_to_lines
 
 BEAM_SIGMA = math.radians(6.4)
 THRESHOLD = math.exp(-((12.5 / 6.4) ** 2))  # a plane 1 m away is just heard at 12.5 degrees
@@ -84,6 +85,12 @@ def wall_feature(bearing_rad: float, range_m: float, width_rad: float = math.rad
     x, y = range_m * c, range_m * s
     tangent = Segment(x + half * s, y - half * c, x - half * s, y + half * c)
     return Feature(FeatureKind.WALL, bearing_rad, range_m, width_rad, tangent, ())
+
+
+def residuals_to_roots(pose, features, associations, chains):
+    """ADR and NDR of every association, to the roots as they were heard, as the paper has it (III.C)."""
+    roots = np.array([chains[a.chain].root.segment.as_row() for a in associations]).reshape(-1, 4)
+    return residuals_to_lines(pose, features, associations, chains, roots)
 
 
 def _foot(disc: Pose, wall: Segment) -> Point | None:

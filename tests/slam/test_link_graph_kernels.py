@@ -5,13 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from synthetic import wall_feature
+from synthetic import residuals_to_roots, wall_feature
 
 from sonar_explore.geometry import Pose, Segment, wrap_undirected
 from sonar_explore.slam import ChainMap, Link
 from sonar_explore.slam.association import Association
 from sonar_explore.slam.link_graph import SLACK, LinkGraphConfig, fit_link_graphs
-from sonar_explore.slam.residuals import residuals_to_roots
 
 
 def random_residuals(seed):

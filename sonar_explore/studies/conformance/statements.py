@@ -108,7 +108,7 @@ STATEMENTS: tuple[Statement, ...] = (
     _c(
         "Angle fit: the robot is turned until one feature is parallel to its root, and the differences of all others "
         "to their roots are taken.",
-        (_GRAPH + "_angle_misfit", "slam/residuals.py:residuals_to_roots"),
+        (_GRAPH + "_angle_misfit", "slam/residuals.py:residuals_to_lines"),
         ("adr_and_ndr_are_what_the_example_was_built_from",),
         "7",
     ),
