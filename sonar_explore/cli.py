@@ -16,7 +16,7 @@ import click
 
 from sonar_explore.episodes.commands import EPISODE_COMMANDS
 from sonar_explore.errors import SonarExploreError
-from sonar_explore.replay.commands import real_sonar, replay
+from sonar_explore.replay.commands import replay
 from sonar_explore.studies.commands import STUDY_COMMANDS
 
 EXIT_BAD_INPUT = 2
@@ -160,7 +160,7 @@ def agents(as_json: bool) -> None:
     _print_list([{"name": name, "about": about} for name, about in sorted(known_agents().items())], as_json)
 
 
-for _command in (*EPISODE_COMMANDS, *STUDY_COMMANDS, replay, real_sonar):
+for _command in (*EPISODE_COMMANDS, *STUDY_COMMANDS, replay):
     commands.add_command(_command)
 
 

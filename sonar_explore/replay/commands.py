@@ -9,31 +9,6 @@ import click
 from sonar_explore.choices import SLAMS
 
 
-@click.command("real-sonar", short_help="Extraction and SLAM on recorded sonar.")
-@click.argument("data", type=click.Path(path_type=Path))
-@click.option("--seeds", type=click.IntRange(1), default=10, show_default=True, help="Odometries a run.")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    default=Path("runs/real-sonar"),
-    show_default=True,
-    help="Folder.",
-)
-@click.option("--docs", type=click.Path(path_type=Path), help="Page whose tables and pictures are made anew.")
-def real_sonar(data: Path, seeds: int, out: Path, docs: Path | None) -> None:
-    """Judge extraction and SLAM on the recorded sonar in DATA (docs/real_sonar.md)."""
-    from sonar_explore.episodes.files import writable_folder
-    from sonar_explore.reports.real_sonar import put_into_docs, write_real_sonar
-    from sonar_explore.studies.real_sonar.study import study_real_sonar
-
-    with writable_folder(out):
-        found = study_real_sonar(data, seeds)
-        write_real_sonar(found, out)
-        if docs is not None:
-            put_into_docs(found, docs)
-    click.echo(f"page: {out / 'index.html'}")
-
-
 @click.command(short_help="SLAM on recorded scans: a log of ours or of others.")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
 @click.option(

@@ -147,4 +147,29 @@ def compare(closed_loop_seeds: int, **choices: Any) -> None:
     run_comparison(Choices(**choices), closed_loop_seeds)
 
 
-STUDY_COMMANDS = (reproduce, ablation, sensitivity, ring_scan, explore_plans, compare)
+@click.command("real-sonar", short_help="Extraction and SLAM on recorded sonar.")
+@click.argument("data", type=click.Path(path_type=Path))
+@click.option("--seeds", type=click.IntRange(1), default=10, show_default=True, help="Odometries a run.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("runs/real-sonar"),
+    show_default=True,
+    help="Folder.",
+)
+@click.option("--docs", type=click.Path(path_type=Path), help="Page whose tables and pictures are made anew.")
+def real_sonar(data: Path, seeds: int, out: Path, docs: Path | None) -> None:
+    """Judge extraction and SLAM on the recorded sonar in DATA (docs/real_sonar.md)."""
+    from sonar_explore.episodes.files import writable_folder
+    from sonar_explore.studies.real_sonar.page import put_into_docs, write_real_sonar
+    from sonar_explore.studies.real_sonar.study import study_real_sonar
+
+    with writable_folder(out):
+        found = study_real_sonar(data, seeds)
+        write_real_sonar(found, out)
+        if docs is not None:
+            put_into_docs(found, docs)
+    click.echo(f"page: {out / 'index.html'}")
+
+
+STUDY_COMMANDS = (reproduce, ablation, sensitivity, ring_scan, explore_plans, compare, real_sonar)

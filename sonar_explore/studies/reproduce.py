@@ -9,6 +9,7 @@ from sonar_explore.errors import unknown_name
 from sonar_explore.slam import SLAMS
 from sonar_explore.studies import progress
 from sonar_explore.studies.jobs import Variant
+from sonar_explore.studies.reproduce_page import write_reproduction
 from sonar_explore.studies.results import Study
 from sonar_explore.studies.study import Choices, run_variants
 from sonar_explore.studies.tables import brief_table, goal_lines, table_of
@@ -16,8 +17,6 @@ from sonar_explore.studies.tables import brief_table, goal_lines, table_of
 
 def run_reproduction(choices: Choices, arms: Sequence[str]) -> Study:
     """The paper's runs, with and without SLAM."""
-    from sonar_explore.reports.reproduce import write_reproduction
-
     for arm in arms:
         if arm not in SLAMS:
             raise unknown_name("arm", arm, SLAMS)

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from sonar_explore.episodes.files import write_atomically
+from sonar_explore.reports.page import write_page
+from sonar_explore.reports.study_charts import Spot, small_multiple
 from sonar_explore.studies import progress
+from sonar_explore.studies.pages import study_values
 from sonar_explore.studies.results import Row, Study, row_of
 from sonar_explore.studies.statistics import paired_p_value
 from sonar_explore.studies.study import Choices, run_variants
@@ -19,8 +23,6 @@ SIGNIFICANT = 0.05
 
 def run_sensitivity(choices: Choices) -> Study:
     """Each number around its default."""
-    from sonar_explore.reports.study import write_sensitivity
-
     study = run_variants("sensitivity", choices, sweep_variants(), keep_record=False)
     lines = sensitivity_lines(study)
     write_atomically(choices.out / "table.md", "\n".join(["# Sensitivity", "", *lines, ""]).encode())
@@ -122,3 +124,32 @@ def _text(sweep: Sweep, value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:g} {sweep.unit}".strip()
+
+
+def write_sensitivity(study: Study, found: Sequence[Swept], folder: Path) -> None:
+    """`index.html` of the sensitivity study."""
+    sweeps = []
+    for shown in found:
+        sweep, points = shown.sweep, shown.points
+        label = f"{sweep.name} [{sweep.unit}]" if sweep.unit else sweep.name
+        rates = [_spot(p.value, p.row.success, p.is_default) for p in points]
+        errors = [
+            _spot(p.value, p.row.position_error_m, p.is_default) for p in points if p.row.position_error_m
+        ]
+        sweeps.append(
+            {
+                "name": sweep.name,
+                "option": sweep.option,
+                "sentence": shown.sentence,
+                "success": small_multiple(f"Success over {label}", label, rates, 1.0, "believed"),
+                "error": small_multiple(
+                    f"Final position error over {label}", label, errors, None, "predicted"
+                ),
+            }
+        )
+    write_page(folder / "index.html", "study_sensitivity.html", sweeps=sweeps, **study_values(study))
+
+
+def _spot(value: Any, measured: Any, is_default: bool) -> Spot:
+    label = ("yes" if value else "no") if isinstance(value, bool) else f"{value:g}"
+    return Spot(label, measured.value, measured.low, measured.high, is_default)

@@ -21,6 +21,7 @@ from sonar_explore.studies.compare.jobs import (
     finished_drive,
     run_drive,
 )
+from sonar_explore.studies.compare.page import write_comparison
 from sonar_explore.studies.compare.results import Comparison, comparison_of
 from sonar_explore.studies.compare.tables import brief_table, comparison_lines, goal_lines
 from sonar_explore.studies.jobs import Variant
@@ -31,8 +32,6 @@ from sonar_explore.studies.study import Choices, run_variants
 
 def run_comparison(choices: Choices, closed_loop_seeds: int = 0) -> Comparison:
     """Every SLAM on the same drives, and in the loop where asked."""
-    from sonar_explore.reports.compare import write_comparison
-
     noises = tuple(dict.fromkeys(name.strip() for name in choices.noise.split(",") if name.strip()))
     for noise in noises:
         noise_preset(noise)

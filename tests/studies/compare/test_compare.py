@@ -9,10 +9,10 @@ import pytest
 
 from sonar_explore.cli import main
 from sonar_explore.episodes.record import Stats
-from sonar_explore.reports.compare import STYLES
 from sonar_explore.studies.compare import jobs
 from sonar_explore.studies.compare.accuracy import Accuracy
 from sonar_explore.studies.compare.jobs import ARMS, DriveOutcome, drive_jobs, finished_drive
+from sonar_explore.studies.compare.page import STYLES
 from sonar_explore.studies.compare.results import Comparison, comparison_of
 from sonar_explore.studies.compare.study import run_comparison
 from sonar_explore.studies.compare.tables import accuracy_table, goal_lines

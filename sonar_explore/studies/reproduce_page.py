@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from markupsafe import Markup
 
@@ -14,13 +14,14 @@ from sonar_explore.reports.frame import Frame, frame_around, scale_bar
 from sonar_explore.reports.page import write_page
 from sonar_explore.reports.raster import grid_png, grid_states
 from sonar_explore.reports.scene import drive, true_drive
-from sonar_explore.reports.study import study_values
 from sonar_explore.reports.study_charts import Interval, Lane, Mark, seed_squares, strip
-
-if TYPE_CHECKING:
-    from sonar_explore.studies.jobs import Outcome
-    from sonar_explore.studies.results import Study
-    from sonar_explore.studies.statistics import Median
+from sonar_explore.studies.jobs import Outcome
+from sonar_explore.studies.pages import study_values
+from sonar_explore.studies.results import Study
+from sonar_explore.studies.statistics import Median
+from sonar_explore.studies.store import load_record_packed, record_path
+from sonar_explore.studies.success import causes_of_failure
+from sonar_explore.studies.tables import goal_lines, table_of
 
 MAP_OPACITY = bytes((0, 60, 255))  # unknown, free, occupied: the walls are what is compared here
 STYLES = {"chain": "believed", "smoothed": "c3", "off": "predicted", "literal": "c7", "truth": "true"}
@@ -88,8 +89,6 @@ PAPER_FIGURES = (
 
 def write_reproduction(study: Study, folder: Path) -> None:
     """`index.html` and one page for each of the paper's figures."""
-    from sonar_explore.studies.tables import goal_lines, table_of
-
     shown = [_figure(study, folder, world) for world in study.worlds]
     for page in shown:
         write_page(
@@ -146,8 +145,6 @@ def _typical_seed(study: Study, world: str, arms: Sequence[str]) -> int | None:
 def _records(
     study: Study, folder: Path, world: str, arms: Sequence[str], seed: int | None
 ) -> dict[str, EpisodeRecord]:
-    from sonar_explore.studies.store import load_record_packed, record_path
-
     paths = {arm: record_path(folder / _outcome_path(world, arm, seed)) for arm in arms if seed is not None}
     return {arm: load_record_packed(path) for arm, path in paths.items() if path.exists()}
 
@@ -167,8 +164,6 @@ def _maps(
 
 
 def _map(arm: str, record: EpisodeRecord, frame: Frame, href: str) -> dict[str, Any]:
-    from sonar_explore.studies.success import causes_of_failure
-
     steps = list(zip([None, *record.steps], record.steps, strict=False))
     return {
         "arm": arm,
@@ -211,8 +206,6 @@ def _lane(study: Study, world: str, arm: str, field: str) -> Lane:
 
 
 def _mark(outcome: Outcome, field: str) -> Mark:
-    from sonar_explore.studies.success import causes_of_failure
-
     causes = causes_of_failure(outcome.summary)
     value, words = _value(outcome, field), ", ".join(causes) or "success"
     note = f"{value:.3f} m, {words}" if value is not None else words

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from markupsafe import Markup, escape
 
@@ -12,12 +12,11 @@ from sonar_explore.envs.load import load_world
 from sonar_explore.envs.world import World
 from sonar_explore.reports.frame import Frame, frame_around, scale_bar
 from sonar_explore.reports.page import write_page
-from sonar_explore.reports.study import study_values
 from sonar_explore.reports.study_charts import Interval, Lane, Mark, strip
-
-if TYPE_CHECKING:
-    from sonar_explore.studies.compare.jobs import DriveOutcome
-    from sonar_explore.studies.compare.results import Comparison
+from sonar_explore.studies.compare.jobs import DriveOutcome
+from sonar_explore.studies.compare.results import Comparison
+from sonar_explore.studies.compare.tables import accuracy_table, closed_loop_table, goal_lines
+from sonar_explore.studies.pages import study_values
 
 STYLES = {
     "off": "loose",
@@ -34,8 +33,6 @@ DRAWN = ("chain", "smoothed", "grid-pf", "scan-match", "oracle")
 
 def write_comparison(found: Comparison, outcomes: Sequence[DriveOutcome], folder: Path) -> None:
     """`index.html`"""
-    from sonar_explore.studies.compare.tables import accuracy_table, closed_loop_table, goal_lines
-
     parts = []
     for noise in found.noises:
         drives = [o for o in outcomes if o.noise == noise and not o.error]
