@@ -40,7 +40,7 @@ PARTS: tuple[tuple[str, Any, str], ...] = (
     ("    frontiers", explorer, "find_frontiers"),
     ("the drive, planning included", Explorer, "go_to"),
     ("  driving", Driver, "follow"),
-    ("    glances", Driver, "_glance"),
+    ("    the robot by itself", Simulator, "drive_leg"),
     ("drawing the map (in both)", OccupancyMapper, "draw"),
     ("  cells of changed scans", Sectors, "put"),
     ("safe paths (in both)", paths.SafePaths, "__init__"),

@@ -119,4 +119,4 @@ def _spelled(kind: Any) -> str:
         return f"UniTuple({_spelled(kind.dtype)}, {kind.count})"
     if isinstance(kind, types.Tuple):
         return f"Tuple({spelled(tuple(kind))})"
-    return str(kind)
+    return "npy_rng" if isinstance(kind, types.NumPyRandomGeneratorType) else str(kind)

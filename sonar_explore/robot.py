@@ -12,9 +12,9 @@ class Robot(Protocol):
     """Drive, listen, scan. Nothing here knows where the robot truly is.
 
     A robot whose own computer can steer it may have one method more, as the simulator does:
-    `drive_straight(bit: StraightBit)` ticks along a straight bit of way until something is to be decided
-    (`sonar_explore.planning.straight`), and returns what `turn` does. Others are steered tick by tick, with the same
-    result.
+    `drive_leg(leg: Leg)` drives along a leg of the way by the decisions of `sonar_explore.planning.leg`, and returns
+    what `turn` does, with one reading more wherever another corner is set out for. Others are steered tick by tick,
+    with the same result.
     """
 
     @property

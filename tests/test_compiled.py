@@ -12,7 +12,7 @@ from sonar_explore import compile_beside
 pytest.importorskip("numba")
 
 MADE_WITH_DRIVING = {"sonar_explore.planning.echoes:nearest_danger"}
-"""Called from Python too, after `straight`, which contains it, has been compiled."""
+"""Called from Python too, after `drive`, which contains it, has been compiled."""
 
 EPISODES = """
 import json, sys

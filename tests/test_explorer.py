@@ -38,6 +38,7 @@ class Stuck:
     """A robot whose every step ends in a touch."""
 
     bumper = True
+    drive_leg = None
 
     def __init__(self, robot):
         self._robot = robot

@@ -18,18 +18,19 @@ from sonar_explore.envs.acoustics import (
     measured_once,
     temperature_scale,
 )
+from sonar_explore.envs.leg import DRIVEN, LISTENED, SINCE_GLANCE, TIME, drive
 from sonar_explore.envs.odometry import OdometryError, OdometryNoise, running_sum
 from sonar_explore.envs.pings import turned_discs
 from sonar_explore.envs.scene import Scene
-from sonar_explore.envs.straight import straight
 from sonar_explore.envs.tick import ODOMETRY, OUTCOME, TRUE, drive_and_fire
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
-from sonar_explore.planning.straight import StraightBit
+from sonar_explore.planning.leg import BUMPED, Leg
 from sonar_explore.ring import RingPlan
 
 SCAN_STEP_RAD = math.radians(4.0)  # section IV: 90 readings a turn
+READINGS = 1000  # of a leg in one call
 MAY_BE_ZERO = (
     *("robot.scan_sonar", "robot.range_min_m"),
     *("sonar.roughness", "sonar.sigma_m", "sonar.sigma_per_m", "sonar.dropout", "sonar.temperature_error_k"),
@@ -152,58 +153,57 @@ class Simulator:
             self.time_s += robot.ping_interval_s
         return odometry, rings
 
-    def drive_straight(self, bit: StraightBit) -> tuple[Array, Array]:
-        """Ticks on a straight bit of way until something is to be decided, with the draws of single ones: what `turn`
-        returns. Belief and echoes go on with them."""
-        robot, generator = self.config.robot, self._rng.bit_generator
-        before = generator.state
-        draws = _draws_of_ticks(self._rng, bit.most_ticks)
-        echoes = bit.echoes.as_kernels_take_it(bit.most_ticks)
-        progress = np.array([bit.since_glance_m, self.time_s, self.driven_m])
-        true, odometry = np.empty((2, bit.most_ticks, 3))
-        rings = np.empty((bit.most_ticks, len(self.ring_m)))
-        sonar = self.config.sonar
-        ticks, held = straight(
+    def drive_leg(self, leg: Leg) -> tuple[Array, Array]:
+        """Drive on along a leg, to its end or for as long as there is room for readings: what `turn` returns, and one
+        more wherever another corner is set out for. The leg moves on with it."""
+        readings = max(READINGS, len(leg.glance_rad_s))
+        trues, odometries = np.empty((2, readings + 1, 3))
+        rings = np.empty((readings + 1, len(self.ring_m)))
+        odometries[0], rings[0] = self._state[ODOMETRY], self.ring_m
+        progress = np.array([leg.since_glance_m, leg.listened, self.time_s, self.driven_m])
+        leg.end, leg.corner, ticks, count, held = drive(
             self._state,
-            (robot.speed_max_m_s, robot.turn_rate_max_rad_s, robot.ping_interval_s, robot.radius_m),
-            self._wheels.as_kernels_take_it,
-            (
-                self._range_scale,
-                sonar.sigma_m,
-                sonar.sigma_per_m,
-                sonar.dropout,
-                sonar.quantum_m,
-                sonar.range_max_m,
-            ),
-            self._next_disc,
-            draws,
+            self._body,
+            self._rng,
             self._hearing,
-            bit.steering,
-            bit.belief,
-            echoes,
-            ring := self.ring_m.copy(),
+            self._next_disc,
+            (leg.path, leg.corner, leg.steering, leg.glance_rad_s, leg.most_ticks - leg.ticks),
+            leg.belief,
+            leg.echoes.as_kernels_take_it(readings),
             progress,
-            true,
-            odometry,
+            trues,
+            odometries,
             rings,
         )
-        if ticks < bit.most_ticks:  # what was drawn too much is drawn again
-            generator.state = before
-            _draws_of_ticks(self._rng, ticks)
-        bit.echoes.holds(held)
-        bit.since_glance_m, self.time_s, self.driven_m = progress.tolist()
-        for x, y, heading in true[:ticks].tolist():
+        leg.ticks += ticks
+        leg.echoes.holds(held)
+        leg.since_glance_m, leg.listened = float(progress[SINCE_GLANCE]), bool(progress[LISTENED])
+        self.time_s, self.driven_m = progress[[TIME, DRIVEN]].tolist()
+        for x, y, heading in trues[:ticks].tolist():
             last = self.true_trail[-1] if self.true_trail else None
             if last is None or math.hypot(last.x - x, last.y - y) >= 0.05:
                 self.true_trail.append(Pose(x, y, heading))
         if ticks:
-            touching = bool(self._state[OUTCOME, 1])
+            touching = leg.end == BUMPED
             self.contacts += touching and not (ticks == 1 and self.bumper)
-            self.bumper, self.ring_m = touching, ring
-            self.true_pose = Pose(*true[ticks - 1].tolist())
-            self.pose_robot_in_odometry = Pose(*odometry[ticks - 1].tolist())
+            self.bumper, self.ring_m = touching, rings[count].copy()
+            self.true_pose = Pose(*trues[ticks - 1].tolist())
+            self.pose_robot_in_odometry = Pose(*odometries[count].tolist())
         self._next_disc = (self._next_disc + ticks) % len(self._mounts)
-        return odometry[:ticks], rings[:ticks]
+        return odometries[1 : count + 1], rings[1 : count + 1]
+
+    @property
+    def _body(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+        """Body, wheels and sonar, as `envs.leg` takes them."""
+        robot, sonar = self.config.robot, self.config.sonar
+        return (
+            (robot.speed_max_m_s, robot.turn_rate_max_rad_s, robot.ping_interval_s, robot.radius_m),
+            self._wheels.as_kernels_take_it,
+            (
+                *(self._range_scale, sonar.sigma_m, sonar.sigma_per_m),
+                *(sonar.dropout, sonar.quantum_m, sonar.range_max_m),
+            ),
+        )
 
     def scan(self, direction: int) -> Scan:
         """Turn once on the spot. The odometry error acts during the turn: the scan is smeared."""

@@ -30,11 +30,18 @@ def drive_and_fire(  # type: ignore[no-untyped-def]
         x, y, heading, forward = true[0], true[1], true[2] + true_turn, 0.0
     true[0], true[1], true[2] = x, y, heading
     odometry[0], odometry[1], odometry[2] = _arc(odometry[0], odometry[1], odometry[2], forward, turn)
+    mounted(true, mount, disc)
+    fire_all(state[DISC : DISC + 1], things, index, room, ear, outcome[0:1], kinds)
+    outcome[1] = touching
+
+
+@inner_kernel
+def mounted(body, mount, disc):  # type: ignore[no-untyped-def]
+    """Where the disc mounted like this on a body is, and where to: x y [m] heading [rad] all."""
+    x, y, heading = body[0], body[1], body[2]
     c, s = math.cos(heading), math.sin(heading)
     disc[0], disc[1] = x + c * mount[0] - s * mount[1], y + s * mount[0] + c * mount[1]
     disc[2] = heading + mount[2]
-    fire_all(state[DISC : DISC + 1], things, index, room, ear, outcome[0:1], kinds)
-    outcome[1] = touching
 
 
 @inner_kernel

@@ -10,10 +10,21 @@ from enum import StrEnum
 import numpy as np
 
 from sonar_explore.amigobot import AmigoBot
-from sonar_explore.geometry import Array, Pose, wrap_angle
+from sonar_explore.geometry import Array, Pose
 from sonar_explore.planning.echoes import EchoMemory
+from sonar_explore.planning.leg import (
+    BLOCKED,
+    BUMPED,
+    GLANCE,
+    LISTEN,
+    MORE,
+    SHUT,
+    THERE,
+    TURN,
+    Leg,
+    next_move,
+)
 from sonar_explore.planning.passing import Passing
-from sonar_explore.planning.straight import StraightBit
 from sonar_explore.robot import Robot
 
 FEW = 6  # ticks that are not worth a call for all of them
@@ -95,6 +106,7 @@ class Driver:
             *(body.radius_m + config.side_m, config.glance_every_m),
             *(body.turn_rate_max_rad_s, body.ping_interval_s),
         )
+        self._glance_rates = _rates_of_glance(config, body)
         self._echoes = EchoMemory(body, points)
         self._passing = Passing(body)
         self._ticks = 0
@@ -102,13 +114,15 @@ class Driver:
 
     def follow(self, path: Array) -> DriveReport:
         """Drive along a path, shape (n, 2), map frame, [m]; stop where something is in the way."""
-        self._ticks = 0
-        self._since_glance = math.inf
-        for x, y in path[1:]:
-            report = self._to(float(x), float(y))
+        self._ticks, self._since_glance = 0, math.inf
+        for corner, (x, y) in enumerate(path[1:].tolist()):
+            self._here = self._pose()
+            if corner == 0 and (leg := self._leg(path[1:])) is not None:
+                return self._steered_by_robot(leg)
+            report = self._to(x, y)
             if report is not None:
                 return report
-        return DriveReport(DriveEnd.ARRIVED, np.zeros((0, 2)))
+        return _arrived()
 
     def forget(self) -> None:
         """A scan was taken: what the ring heard before is on the map now, or was nothing."""
@@ -121,81 +135,75 @@ class Driver:
         return self._passing.walls()
 
     def _to(self, x: float, y: float) -> DriveReport | None:
-        """One straight bit; None once there."""
-        cfg, body = self._config, self._body
-        self._here = self._pose()
-        while self._ticks < cfg.most_ticks:
-            here = self._here
-            distance = math.sqrt((x - here.x) * (x - here.x) + (y - here.y) * (y - here.y))
-            error = wrap_angle(math.atan2(y - here.y, x - here.x) - here.heading)
-            if distance <= cfg.arrived_m or (distance <= 2.0 * cfg.arrived_m and abs(error) > math.pi / 2):
+        """One straight bit, tick by tick; None once there."""
+        while self._ticks < self._config.most_ticks:
+            pose, pieces, count = self._here.as_row(), *self._echoes.held
+            corner = self._steering, x, y
+            move, speed, rate, ticks = next_move(
+                *corner, pose, pieces, count, self._since_glance, self._listened
+            )
+            if move == THERE:
                 return None
-            far = distance > 3.0 * cfg.arrived_m
-            enough = cfg.aligned_rad if far else max(cfg.aligned_rad, 0.5)
-            if abs(error) > enough:
-                self._turn([self._turn_rate(error)] * self._surely_turning(abs(error) - enough))
-                continue
-            if not self._listened:  # a wall close ahead: the disc that hears it may not have fired since
-                self._turn([0.0] * len(body.sonars))
+            if move == SHUT:
+                return self._blocked(x, y)
+            if move == TURN:
+                self._turn([rate] * min(ticks, self._config.most_ticks - self._ticks))
+            elif move == LISTEN:
+                self._turn([0.0] * len(self._body.sonars))
                 self._listened = True
-                continue
-            room = body.radius_m + cfg.side_m
-            if far and self._since_glance >= self._echoes.glance_after_m(here, room, cfg.glance_every_m):
+            elif move == GLANCE:
                 self._glance()
-                continue
-            ahead = min(cfg.brake_m, distance)
-            obstacle = self._echoes.in_the_way(here, ahead, room)
-            if obstacle is not None:
-                return DriveReport(DriveEnd.BLOCKED, obstacle)
-            if not self._go_on(x, y, distance):
-                speed = min(cfg.speed_m_s, distance / body.ping_interval_s)
-                self._tick(speed, self._turn_rate(error) if far else 0.0)
-                self._since_glance += speed * body.ping_interval_s
-            if self._robot.bumper:
-                return DriveReport(DriveEnd.BUMPED, np.array([[body.radius_m + 0.02, 0.0]]))
+            else:
+                self._tick(speed, rate)
+                self._since_glance += speed * self._body.ping_interval_s
+                if self._robot.bumper:
+                    return self._bumped()
         return None
 
-    def _go_on(self, x: float, y: float, distance: float) -> bool:
-        """The ticks from here to where there is something to decide, in one call; False where that cannot be had."""
-        drive_straight = getattr(self._robot, "drive_straight", None)
-        belief = self._belief() if drive_straight else None
-        if drive_straight is None or self._poses is None or belief is None:
-            return False
-        cfg = self._config
-        to_glance = cfg.glance_every_m - self._since_glance
-        left = min(distance, to_glance if to_glance > 0.0 else math.inf)
-        ticks = math.ceil(left / (cfg.speed_m_s * self._body.ping_interval_s)) + 2
-        bit = StraightBit(
-            steering=(x, y, *self._steering),
-            since_glance_m=self._since_glance,
+    def _leg(self, corners: Array) -> Leg | None:
+        """All of the way, for a robot that steers itself by its belief; None where it cannot."""
+        belief = self._belief() if getattr(self._robot, "drive_leg", None) is not None else None
+        if belief is None or self._poses is None:
+            return None
+        return Leg(
+            path=np.ascontiguousarray(corners),
+            steering=self._steering,
+            glance_rad_s=self._glance_rates,
             belief=belief,
             echoes=self._echoes,
-            most_ticks=min(ticks, cfg.most_ticks - self._ticks),
+            most_ticks=self._config.most_ticks,
+            since_glance_m=self._since_glance,
+            listened=self._listened,
         )
-        odometry, rings = drive_straight(bit)
-        if not len(odometry):
-            return False
-        self._ticks += len(odometry)
-        self._since_glance = bit.since_glance_m
-        poses = self._poses(odometry)
-        self._here = Pose(*poses[-1].tolist())
-        self._passing.note(poses, rings)
-        return True
+
+    def _steered_by_robot(self, leg: Leg) -> DriveReport:
+        drive: Callable[[Leg], tuple[Array, Array]] = self._robot.drive_leg  # type: ignore[attr-defined]
+        assert self._poses is not None
+        while leg.end == MORE:
+            odometry, rings = drive(leg)
+            if len(odometry):
+                poses = self._poses(odometry)
+                self._here = Pose(*poses[-1].tolist())
+                self._passing.note(poses, rings)
+        self._ticks, self._since_glance, self._listened = leg.ticks, leg.since_glance_m, leg.listened
+        if leg.end == BLOCKED:
+            return self._blocked(*leg.path[leg.corner].tolist())
+        return self._bumped() if leg.end == BUMPED else _arrived()
+
+    def _blocked(self, x: float, y: float) -> DriveReport:
+        """Something is in the way to this corner."""
+        ahead = min(self._config.brake_m, math.hypot(x - self._here.x, y - self._here.y))
+        obstacle = self._echoes.in_the_way(self._here, ahead, self._body.radius_m + self._config.side_m)
+        assert obstacle is not None
+        return DriveReport(DriveEnd.BLOCKED, obstacle)
+
+    def _bumped(self) -> DriveReport:
+        return DriveReport(DriveEnd.BUMPED, np.array([[self._body.radius_m + 0.02, 0.0]]))
 
     def _glance(self) -> None:
         """Turn a little left and right, and let every disc fire there: the gaps between their axes are swept."""
-        full = self._body.turn_rate_max_rad_s * self._body.ping_interval_s
-        ticks = math.ceil(self._config.glance_rad / full)
-        rate = self._config.glance_rad / (ticks * self._body.ping_interval_s)
-        listen = [0.0] * len(self._body.sonars)
-        self._turn([rate] * ticks + listen + [-rate] * 2 * ticks + listen + [rate] * ticks)
+        self._turn(self._glance_rates.tolist())
         self._since_glance = 0.0
-
-    def _surely_turning(self, more_rad: float) -> int:
-        """How many ticks at the full rate turn by less than this, even as the belief has them; 1 at least."""
-        full = self._body.turn_rate_max_rad_s * self._body.ping_interval_s
-        ticks = math.floor((more_rad - full) / (1.1 * full))
-        return max(1, min(ticks, self._config.most_ticks - self._ticks))
 
     def _turn(self, rates_rad_s: Sequence[float]) -> None:
         """Tick on the spot at each of these rates."""
@@ -218,6 +226,15 @@ class Driver:
         self._echoes.note(poses, rings_m)
         self._passing.note(poses, rings_m)
 
-    def _turn_rate(self, error_rad: float) -> float:
-        rate = error_rad / self._body.ping_interval_s
-        return max(-self._body.turn_rate_max_rad_s, min(self._body.turn_rate_max_rad_s, rate))
+
+def _arrived() -> DriveReport:
+    return DriveReport(DriveEnd.ARRIVED, np.zeros((0, 2)))
+
+
+def _rates_of_glance(config: DrivingConfig, body: AmigoBot) -> Array:
+    """Of each tick, shape (n,), [rad/s]: to the left, to the right and back, and standing still at both ends."""
+    full = body.turn_rate_max_rad_s * body.ping_interval_s
+    ticks = math.ceil(config.glance_rad / full)
+    rate = config.glance_rad / (ticks * body.ping_interval_s)
+    listen = [0.0] * len(body.sonars)
+    return np.array([rate] * ticks + listen + [-rate] * 2 * ticks + listen + [rate] * ticks)

@@ -80,6 +80,11 @@ class EchoMemory:
         self._make_room(ticks + len(self._last))
         return self._pieces, self._count, self._last, self._mounts, self._range_max_m, self._points()
 
+    @property
+    def held(self) -> tuple[Array, int]:
+        """Pieces, and how many of the rows are held."""
+        return self._pieces, self._count
+
     def holds(self, count: int) -> None:
         """A kernel that took it has changed the pieces: so many are held now."""
         self._count = count
@@ -113,12 +118,6 @@ class EchoMemory:
         along = np.linspace(-half, half, 5)
         points = np.column_stack([x - ny * along, y + nx * along])
         return pose_robot_in_map.inverse().transform(points)
-
-    def glance_after_m(self, pose_robot_in_map: Pose, room_m: float, most_m: float) -> float:
-        """How far the robot may go without a glance, [m]: see `glance_after`."""
-        here = pose_robot_in_map
-        c, s = math.cos(here.heading), math.sin(here.heading)
-        return float(glance_after(self._pieces, self._count, here.x, here.y, c, s, room_m, most_m))
 
 
 @kernel

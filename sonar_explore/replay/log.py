@@ -8,7 +8,7 @@ from functools import cached_property
 
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
-from sonar_explore.planning.straight import StraightBit
+from sonar_explore.planning.leg import Leg
 from sonar_explore.robot import Robot
 
 
@@ -81,12 +81,12 @@ class _Overheard:
         self._robot.tick(speed_m_s, turn_rate_rad_s)
 
     @property
-    def drive_straight(self) -> Callable[[StraightBit], tuple[Array, Array]] | None:
-        """Drive a straight bit, where the robot can; the pose after each tick is noted down."""
-        drive = getattr(self._robot, "drive_straight", None)
-        return None if drive is None else lambda bit: self._straight_noted(*drive(bit))
+    def drive_leg(self) -> Callable[[Leg], tuple[Array, Array]] | None:
+        """Drive along a leg, where the robot can; each reading is noted down."""
+        drive = getattr(self._robot, "drive_leg", None)
+        return None if drive is None else lambda leg: self._leg_noted(*drive(leg))
 
-    def _straight_noted(self, odometry: Array, rings_m: Array) -> tuple[Array, Array]:
+    def _leg_noted(self, odometry: Array, rings_m: Array) -> tuple[Array, Array]:
         return self._noted(odometry), rings_m
 
     def turn(self, turn_rates_rad_s: Array) -> tuple[Array, Array]:

@@ -150,7 +150,7 @@ class TickByTick:
         self._robot = robot
 
     def __getattr__(self, name):
-        if name == "drive_straight":
+        if name == "drive_leg":
             raise AttributeError(name)
         return getattr(self._robot, name)
 
