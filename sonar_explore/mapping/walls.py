@@ -41,7 +41,9 @@ def pivot_points(walls: Array, scan: NDArray[np.int64], within_m: float, turn_ra
 def trimmed(walls: Array, points: Array, within_m: float) -> Array:
     """Wall segments, shape (n, 4), cut at the edges and corners that lie on them, [m].
 
-    Only the foot of a normal is sure to be wall. The rest of its segment ends where an edge was heard: at a jamb.
+    Only the foot of a normal is sure to be wall. The rest of its segment ends where an edge was heard: at a jamb. Where
+    the foot itself is at the jamb the wall goes on to one side, and this scan does not tell to which: it is believed no
+    farther than `within_m` to either.
     """
     if not len(walls) or not len(points):
         return walls
@@ -70,6 +72,8 @@ def _trim(walls, points, first, last, within, out):  # type: ignore[no-untyped-d
                     forward = min(forward, at)
                 elif at < -within:
                     backward = min(backward, -at)
+                else:
+                    forward, backward = min(forward, within), min(backward, within)
         out[i, 0], out[i, 1] = x - ux * backward, y - uy * backward
         out[i, 2], out[i, 3] = x + ux * forward, y + uy * forward
 

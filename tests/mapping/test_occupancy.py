@@ -223,6 +223,17 @@ def test_a_wall_segment_ends_at_the_edges_heard_on_it_and_keeps_its_foot(seed):
     assert low == pytest.approx(max(-0.6, at) if on and at < 0 else -0.6)
 
 
+def test_walls_whose_feet_are_at_the_jambs_of_a_door_do_not_shut_it():
+    # heard from before either jamb, half of them in the door
+    walls = [[1.0, -0.9, 1.0, -0.15], [1.0, 0.9, 1.0, 0.15]]
+    sides = [[1.0, -1.2, 1.0, -0.5], [1.0, 0.5, 1.0, 1.2]]
+    jambs = np.array([[1.0, -0.5], [1.0, 0.5]])
+    looks = [replace(seen([*walls, *sides]), points=jambs), nothing_seen(1.4)]
+    grid = mapper().draw([Pose(0, 0, 0)] * 2, looks, nowhere(2), NONE)
+    assert [state(grid, 1.0, y) for y in (-0.9, -0.5, 0.5, 0.9)] == [OCCUPIED] * 4
+    assert [state(grid, 1.0, y) for y in (-0.3, 0.0, 0.3)] == [FREE] * 3
+
+
 @settings(max_examples=50)
 @given(seeds, st.floats(0.01, 3.0))
 def test_a_shortened_wall_keeps_its_middle_and_line_and_is_never_longer(seed, half):
@@ -283,7 +294,8 @@ def test_a_wall_ends_at_the_nearest_point_on_it_to_either_side(seed):
     across = offset[:, :, 0] * along[:, None, 1] - offset[:, :, 1] * along[:, None, 0]
     on = np.abs(across) <= CONFIG.trim_m
     for sign, ends in ((1.0, slice(2, 4)), (-1.0, slice(0, 2))):
-        reach = np.where(on & (sign * at > CONFIG.trim_m), sign * at, np.inf).min(axis=1)
+        to_this_side = on & (sign * at >= -CONFIG.trim_m)  # a point at the foot may end either side
+        reach = np.where(to_this_side, np.maximum(sign * at, CONFIG.trim_m), np.inf).min(axis=1)
         expected = feet + sign * along * np.minimum(half, reach)[:, None]
         assert trimmed(walls, points, CONFIG.trim_m)[:, ends] == pytest.approx(expected)
 
