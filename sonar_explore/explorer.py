@@ -182,7 +182,8 @@ class Explorer:
         ):
             path = paths.to(candidate.x, candidate.y)
             if path is not None and path_length(path) <= longest_m:
-                path = straightened(path, paths.room_m, paths.frame)
+                if not self._surroundings.retracing:  # the way it came is kept to
+                    path = straightened(path, paths.room_m, paths.frame)
                 return np.vstack([[pose.x, pose.y], path[1:], [candidate.x, candidate.y]])
         return None
 

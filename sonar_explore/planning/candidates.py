@@ -29,6 +29,8 @@ class CandidateConfig:
     """How far a scan is expected to clear, [m]."""
     least_room_m: float = 0.38
     """Distance of a place from known walls, [m]: nearer ones are in the dead zone, 0.20 m before the disc."""
+    least_room_daring_m: float = 0.25
+    """And where ways lead through gaps that are narrower than twice that, [m]: from before them little is seen."""
     chain_grows_m: float = 0.4
     """How far beyond its links a chain is expected to go on, [m]: a new link may lie half a door away."""
     least_area_m2: float = 0.5
@@ -147,7 +149,8 @@ class CandidateFinder:
 
     def _lattice(self, grid: OccupancyGrid, paths: SafePaths, taken: Array) -> Cells:
         """In each square of the lattice, the reachable cell with the most room; none near a place taken."""
-        least_m, spacing_m = self._config.least_room_m, self._config.spacing_m
+        config, spacing_m = self._config, self._config.spacing_m
+        least_m = config.least_room_daring_m if paths.daring else config.least_room_m
         cells = paths.roomiest(grid.to_walls_m, least_m, spacing_m)
         return cells[_away_from(grid.frame.centres(cells), taken, self._config.apart_m)]
 

@@ -37,6 +37,7 @@ LINK_SHARE = (
     0.05  # of the way driven may be spent on meeting dangling chains where nothing new is to be seen,
 )
 LINK_LEAST_M = 3.0  # [m], and so much more: where the pose is off, every scan leaves chains that dangle
+RETRACES = 4  # times that the way it came may turn out shut: it has moved with poses that were corrected
 SAME_PLACE_M = 0.05  # nearer to a place put aside is that place: elsewhere the robot has stood
 
 
@@ -64,6 +65,8 @@ class Offers:
         self._closing = False
         self._loop_goals: list[Anchored] = []
         """Where those drives ended, or should have, anchored."""
+        self._retraces = RETRACES
+        """How often it may still set out on the way that it came."""
         self._far_m = FAR_LEAST_M
         """What may be spent on daring and doubts farther off than `NEAR_M`, [m]."""
         self._links_m = LINK_LEAST_M
@@ -76,13 +79,15 @@ class Offers:
     def now(self, pose: Pose) -> tuple[Candidate, ...]:
         """What to choose from at this pose; leaves the surroundings as they were taken for it."""
         self._closing = False
+        self._surroundings.retracing = False
         candidates: tuple[Candidate, ...] = ()
         for offer in (self._safe, self._dared, self._doubted_walls):
             candidates = candidates or offer(pose, NEAR_M)
         candidates = candidates or self._safe(pose, math.inf)
         if not candidates:
-            far_m = max(NEAR_M, self._far_m)
-            candidates = self._dared(pose, math.inf if self._is_hemmed_in(pose) else far_m)
+            far_m, hemmed_in = max(NEAR_M, self._far_m), self._is_hemmed_in(pose)
+            candidates = self._dared(pose, math.inf if hemmed_in else far_m)
+            candidates = candidates or (self._back_out(pose) if hemmed_in else ())
             candidates = candidates or self._doubted_walls(pose, far_m)
         candidates = candidates or self._second_chance(pose)
         if not candidates:
@@ -102,6 +107,8 @@ class Offers:
         nothing_new = candidate.new_area_m2 < self._config.candidates.least_area_m2
         self._links_m += -driven_m if candidate.missing_links and nothing_new else LINK_SHARE * driven_m
         place = candidate.x, candidate.y
+        if self._surroundings.retracing:
+            self._retraces = self._retraces - 1 if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED) else RETRACES
         if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED):
             self._put_aside.append(self._surroundings.anchored(*place))
         if self._closing and end is not DriveEnd.UNDERWAY:
@@ -130,7 +137,7 @@ class Offers:
         tried = self._tried if self._links_m > 0.0 else None
         places = here.placed(put_aside)
         paths = here.near_paths(pose, reach_m) if near else here.paths(pose, reach_m)
-        taken = here.doubtful, here.daring, pose.x, pose.y, paths.within_m
+        taken = here.doubtful, here.daring, here.retracing, pose.x, pose.y, paths.within_m
         key = (here.version, *taken, tuple(places), tried is None or tuple(sorted(tried.items())))
         if key not in self._found:
             self._found = {k: v for k, v in self._found.items() if k[0] == here.version}
@@ -164,6 +171,16 @@ class Offers:
         self._surroundings.daring = False
         paths = self._surroundings.paths(pose)
         return bool(2 * paths.within.sum() < (paths.room_m >= paths.least_room_m).sum())
+
+    def _back_out(self, pose: Pose) -> tuple[Candidate, ...]:
+        """Where most of the map is cut off: places that the way it came leads to, whatever is drawn across it."""
+        if not self._retraces:
+            return ()
+        here = self._surroundings
+        here.daring = here.retracing = True
+        found = self._near(pose, math.inf)
+        here.retracing = bool(found)
+        return found
 
     def _doubted_walls(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
         """Places so near where much is to be seen if only what is sure of the walls is there.

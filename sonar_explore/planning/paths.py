@@ -60,6 +60,7 @@ class SafePaths:
         config: PlanningConfig,
         daring: bool = False,
         within_m: float = math.inf,
+        been: Array | None = None,
     ) -> None:
         """
         Args:
@@ -69,8 +70,11 @@ class SafePaths:
             config: how much room a path keeps.
             daring: whether to go nearer to walls and to the unknown than one should.
             within_m: longer paths, weighted by discomfort, are left out, [m]: what is farther is not looked at.
+            been: where the body has been, one place after the other, shape (n, 2), map frame, [m]: open whatever the
+                map says; None where that is not to count.
         """
         self.frame: GridFrame = grid.frame
+        self.daring = daring
         self.least_room_m = body_radius_m + (config.daring_margin_m if daring else config.margin_m)
         """Distance of a path from what is not free, [m]."""
         start = grid.frame.cell(x, y)
@@ -85,6 +89,10 @@ class SafePaths:
             self._cell_costs = self._cell_costs.copy()
             self._cell_costs[1:-1, 1:-1][leave] = dearest
             self._cell_costs[_rimmed(start)] = 1.0
+        if been is not None:
+            self._cell_costs = self._cell_costs.copy()
+            came = _along(grid.frame, been) & (self._cell_costs[1:-1, 1:-1] == np.inf)
+            self._cell_costs[1:-1, 1:-1][came] = dearest
         spare = grid.keeper("arrays of paths", _Spare)
         first_row, end_row, first_column, end_column = self._window(grid, start, within_m, config)
         self._costs = spare.costs(self._cell_costs.shape)
@@ -264,6 +272,17 @@ def _escape_zone(grid: OccupancyGrid, start: tuple[int, int], within_m: float) -
     zone: Mask = np.zeros(grid.frame.shape, dtype=bool)
     zone[about] = regions == regions[start[0] - first[0], start[1] - first[1]]
     return zone
+
+
+def _along(frame: GridFrame, way: Array) -> Mask:
+    """Cells that a way, shape (n, 2), [m], leads through, and the nearest beside it; shape (rows, columns)."""
+    half = 0.5 * frame.resolution_m
+    points = sampled(way, half)
+    out: Mask = np.zeros(frame.shape, dtype=bool)
+    for aside in ((-half, -half), (-half, half), (half, -half), (half, half)):
+        cells = frame.cells(points + aside)
+        out[cells[:, 0], cells[:, 1]] = True
+    return out
 
 
 @kernel

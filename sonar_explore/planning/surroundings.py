@@ -42,7 +42,7 @@ class Surroundings:
         """Where the ring shut the way: index of the last scan, and a piece of wall in its robot frame."""
         self._grids: dict[bool, OccupancyGrid] = {}
         """Of the map as it is, believed and doubted: whichever was asked for."""
-        self._plans: dict[tuple[bool, tuple[int, int], bool], dict[float, SafePaths]] = {}
+        self._plans: dict[tuple[bool, tuple[int, int], bool, bool], dict[float, SafePaths]] = {}
         """By how far they look."""
         self._scan_positions: Array | None = None
         self.version = 0
@@ -51,6 +51,8 @@ class Surroundings:
         """Whether ways may lead nearer to the unknown, and into gaps that the map draws too narrow."""
         self.doubtful = False
         """Whether only what is sure of the walls is believed."""
+        self.retracing = False
+        """Whether where the body has been is open, whatever the map says."""
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -135,7 +137,7 @@ class Surroundings:
     def paths(self, pose: Pose, within_m: float = math.inf) -> SafePaths:
         """Safe paths from here to all that is no farther, by ways weighted by discomfort, [m]; those of before where
         neither the map nor the robot's cell has changed."""
-        here = (self.doubtful, self.grid.frame.cell(pose.x, pose.y), self.daring)
+        here = self._plan_of(pose)
         known = self._plans.setdefault(here, {})
         if within_m not in known:
             plan = self.near_paths(pose, within_m)
@@ -145,33 +147,36 @@ class Surroundings:
     def near_paths(self, pose: Pose, within_m: float) -> SafePaths:
         """The same without keeping them: for a look, not to go by."""
         config, radius_m = self._config.planning, self._radius_m
-        return SafePaths(self.grid, pose.x, pose.y, radius_m, config, daring=self.daring, within_m=within_m)
+        been = self.way_so_far()[0] if self.retracing else None
+        return SafePaths(
+            self.grid, pose.x, pose.y, radius_m, config, daring=self.daring, within_m=within_m, been=been
+        )
 
     def paths_as_far_as(self, pose: Pose, way_m: float) -> SafePaths:
         """Safe paths from here to all that is no farther than this, and perhaps to more: those that are known."""
-        here = (self.doubtful, self.grid.frame.cell(pose.x, pose.y), self.daring)
+        here = self._plan_of(pose)
         known = [within_m for within_m in self._plans.get(here, {}) if within_m >= way_m]
         return self.paths(pose, min(known, default=math.inf))
 
     def beyond_belief(self, pose: Pose, way_m: float) -> Array:
         """Middles of cells that ways so long, [m], lead to as the map is taken, and no safe way on the map that is
         believed, shape (n, 2), [m]."""
-        taken_as = self.doubtful, self.daring
+        taken_as = self._taken_as
         within = self.paths_as_far_as(pose, way_m).within
-        self.doubtful, self.daring = False, False
+        self._taken_as = (False, False, False)
         believed = self.paths(pose).within
-        self.doubtful, self.daring = taken_as
+        self._taken_as = taken_as
         return self.grid.frame.centres(np.argwhere(within & ~believed))
 
     def all_paths(self, pose: Pose, way_m: float, detour_m: float) -> Iterator[tuple[SafePaths, float]]:
         """Paths as far as a way is long, [m], and how long they may be, [m]: before those of the map as it is taken,
         safe ones on the map that is believed. A place worth a doubt is no reason to drive through walls on the way.
         """
-        taken_as = self.doubtful, self.daring
-        for ways in sorted({(False, False), (False, self.daring), taken_as}):
-            self.doubtful, self.daring = ways
+        taken_as = self._taken_as
+        for ways in sorted({(False, False, False), (False, self.daring, False), taken_as}):
+            self._taken_as = ways
             paths = self.paths_as_far_as(pose, way_m if ways == taken_as else max(way_m, detour_m))
-            self.doubtful, self.daring = taken_as
+            self._taken_as = taken_as
             yield paths, math.inf if ways == taken_as else detour_m
 
     def way_so_far(self) -> tuple[Array, NDArray[np.intp]]:
@@ -184,6 +189,18 @@ class Surroundings:
     def recent_points(self) -> Array:
         """Edges, corners and thin columns that the last scans saw, x y, shape (n, 2), map frame, [m]."""
         return self._mapper.recent_points
+
+    @property
+    def _taken_as(self) -> tuple[bool, bool, bool]:
+        """How the map is taken: doubtful, daring, retracing."""
+        return self.doubtful, self.daring, self.retracing
+
+    @_taken_as.setter
+    def _taken_as(self, ways: tuple[bool, bool, bool]) -> None:
+        self.doubtful, self.daring, self.retracing = ways
+
+    def _plan_of(self, pose: Pose) -> tuple[bool, tuple[int, int], bool, bool]:
+        return self.doubtful, self.grid.frame.cell(pose.x, pose.y), self.daring, self.retracing
 
     def _trails_so_far(self) -> list[Array]:
         if self._been:

@@ -20,6 +20,7 @@ from sonar_explore.planning.offers import (
     LINK_LEAST_M,
     LINK_SHARE,
     NEAR_M,
+    RETRACES,
     Offers,
 )
 
@@ -37,6 +38,9 @@ class Land:
     dared = False
     """Whether daring is enough to get there."""
     shut_in = False
+    retracing = False
+    retraced = False
+    """Whether the way that the robot came leads there."""
     behind_m2 = 2.0
     """What is free behind each place, and no safe way leads to."""
     resolution_m = 0.05
@@ -74,7 +78,7 @@ class Land:
         return tuple(
             c
             for c in self.places
-            if (self.doubtful or (self.dared and self.daring))
+            if (self.doubtful or (self.dared and self.daring) or (self.retraced and self.retracing))
             and not (np.hypot(*(put_aside - (c.x, c.y)).T) < 0.3).any()
         )
 
@@ -130,6 +134,26 @@ def test_a_shut_room_far_off_is_tried_however_little_was_driven_and_another_afte
     assert try_one(offers, land, DriveEnd.ARRIVED, Pose(9.0, 0.0, 0.0), driven_m=FAR_LEAST_M)
     land.free_m2 += found_m2
     assert bool(offers.now(HERE)) == (found_m2 > 0.0)
+
+
+def test_a_robot_that_its_map_shuts_in_goes_back_the_way_it_came_but_not_for_ever():
+    land = Land(*(place(float(x), 0.0, 20.0) for x in range(9, 9 + RETRACES + 2)))
+    land.shut_in = land.retraced = True
+    offers = offers_in(land)
+    offers._doubts = 0
+    offers._free_m2_at_doubts = land.free_m2
+    for _ in range(RETRACES):
+        assert try_one(offers, land, DriveEnd.BLOCKED, HERE) and land.retracing
+    assert offers.now(HERE) == () and not land.retracing
+
+
+@pytest.mark.parametrize("retraced", [False, True])
+def test_who_is_not_shut_in_does_not_drive_through_what_the_map_draws(retraced):
+    land = Land(place(9.0, 0.0, 20.0))
+    land.retraced = retraced
+    offers = offers_in(land)
+    offers._doubts, offers._free_m2_at_doubts = 0, land.free_m2
+    assert offers.now(HERE) == ()
 
 
 def test_a_robot_that_is_shut_in_dares_any_way_out():

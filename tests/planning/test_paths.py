@@ -255,3 +255,23 @@ def test_paths_on_one_map_after_another_are_those_of_each_map_alone(seed):
             assert (going_on.within == alone.within).all()
             assert going_on.within_m == alone.within_m
         states = states.copy()
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds)
+def test_where_the_body_has_been_leads_through_what_is_drawn_there_and_nothing_else_does(seed):
+    rng = np.random.default_rng(seed)
+    states = np.full(FRAME.shape, FREE, dtype=np.uint8)
+    states[:, 28:32] = rng.choice([OCCUPIED, UNKNOWN])
+    grid = OccupancyGrid(FRAME, states)
+    (x, ax), (y, ay) = (FRAME.x0 + rng.uniform((0.6, 2.3), (0.7, 2.4))), (FRAME.y0 + rng.uniform(0.6, 2.2, 2))
+    been = np.array([[x, y], [FRAME.x0 + 1.5, rng.uniform(y - 0.3, y + 0.3)], [ax, ay]])
+    for daring in (False, True):
+        assert SafePaths(grid, x, y, BODY_M, CONFIG, daring).to(ax, ay) is None
+        path = SafePaths(grid, x, y, BODY_M, CONFIG, daring, been=been).to(ax, ay)
+        assert path is not None
+        shut = path[states[tuple(FRAME.cells(path).T)] != FREE]
+        way = sampled(been, 0.01)
+        assert (
+            len(shut) and max(np.hypot(*(way - place).T).min() for place in shut) <= 1.5 * FRAME.resolution_m
+        )
