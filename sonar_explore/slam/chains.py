@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from sonar_explore.compiled import kernel
 from sonar_explore.errors import SonarExploreError
-from sonar_explore.geometry import Array, Pose, Segment
+from sonar_explore.geometry import Array, Segment
 from sonar_explore.slam.features import Feature
 
 
@@ -71,7 +72,10 @@ class Chain:
 
 
 class ChainMap:
-    """All chains by id, and all their links stacked for association. Ids are never used again."""
+    """All chains by id, and all their links stacked for association. Ids are never used again.
+
+    Who moves scans moves the stacked rows; the links of a chain follow when somebody looks at it.
+    """
 
     def __init__(self) -> None:
         self._chains: dict[int, Chain] = {}
@@ -83,6 +87,12 @@ class ChainMap:
         """Chain, place among its links, and scan of each row of `segments`."""
         self._measured: Array = np.empty((64, 4))
         """The same segments in the robot frames of their scans, [m]."""
+        self._rows: dict[int, list[int]] = {}
+        """Of each chain, the rows of its links in their order."""
+        self._left: NDArray[np.bool_] = np.zeros(64, dtype=bool)
+        """Rows that moved away from their links."""
+        self._behind: NDArray[np.bool_] = np.zeros(64, dtype=bool)
+        """Chains that have such, by id."""
 
     def __len__(self) -> int:
         return len(self._chains)
@@ -93,12 +103,24 @@ class ChainMap:
     def __getitem__(self, chain_id: int) -> Chain:
         if chain_id not in self._chains:
             raise SonarExploreError(f"no chain {chain_id}; there are {len(self)} chains")
+        if self._behind[chain_id]:
+            self._catch_up(chain_id)
         return self._chains[chain_id]
 
     @property
     def chains(self) -> tuple[Chain, ...]:
         """Ordered by id."""
+        for chain_id in np.flatnonzero(self._behind[: self._next_id]).tolist():
+            self._catch_up(chain_id)
         return tuple(self._chains.values())  # in the order in which they were rooted
+
+    def root_probability(self, chain_id: int) -> float:
+        """Of a chain, wherever its links are by now."""
+        return self._chains[chain_id].root_probability
+
+    def row(self, chain_id: int, link: int) -> int:
+        """That of a link of a chain among `segments`."""
+        return self._rows[chain_id][link]
 
     @property
     def dangling(self) -> tuple[int, ...]:
@@ -120,10 +142,20 @@ class ChainMap:
         """The place of each row of `segments` among its chain's links, shape (n,)."""
         return self._owners[: self._size, 1]
 
+    @property
+    def scan_indices(self) -> NDArray[np.intp]:
+        """The scan of each row of `segments`, shape (n,)."""
+        return self._owners[: self._size, 2]
+
     def add_root(self, link: Link, root_probability: float, *, dangling: bool = False) -> int:
         """Start a chain and return its id."""
         chain_id, self._next_id = self._next_id, self._next_id + 1
-        self._chains[chain_id] = Chain(chain_id, (link,), 0, root_probability, dangling)
+        self._chains[chain_id], self._rows[chain_id] = (
+            Chain(chain_id, (link,), 0, root_probability, dangling),
+            [],
+        )
+        if chain_id == len(self._behind):
+            self._behind = np.concatenate([self._behind, np.zeros_like(self._behind)])
         if dangling:
             self._dangling.append(chain_id)
         self._stack(link, chain_id, 0)
@@ -131,7 +163,9 @@ class ChainMap:
 
     def add_link(self, chain_id: int, link: Link) -> None:
         """Lengthen a chain."""
-        chain = self[chain_id]
+        if chain_id not in self._chains:
+            raise SonarExploreError(f"no chain {chain_id}; there are {len(self)} chains")
+        chain = self._chains[chain_id]
         self._chains[chain_id] = chain.lengthened(link)
         self._stack(link, chain_id, len(chain.links))
 
@@ -144,36 +178,59 @@ class ChainMap:
         self._chains[survivor_id] = replace(survivor, links=links, dangling=False)
         del self._chains[absorbed_id]
         self._dangling = [i for i in self._dangling if i not in (survivor_id, absorbed_id)]
-        rows = self.chain_ids == absorbed_id
-        self._owners[: self._size][rows] += (survivor_id - absorbed_id, len(survivor.links), 0)
+        rows = self._rows.pop(absorbed_id)
+        self._owners[rows] += (survivor_id - absorbed_id, len(survivor.links), 0)
+        self._rows[survivor_id] += rows
 
-    def place(self, pose_of_scan: dict[int, Pose]) -> None:
-        """Place again every link of the scans named, for a back-end that moves whole scans."""
-        owners = self._owners[: self._size]
-        at = np.full((owners[:, 2].max(initial=-1) + 1, 4), np.nan)
-        for scan, pose in pose_of_scan.items():
-            if scan < len(at):
-                at[scan] = pose.x, pose.y, math.cos(pose.heading), math.sin(pose.heading)
-        rows = np.flatnonzero(np.isfinite(at[owners[:, 2], 0]))
-        x, y, c, s = at[owners[rows, 2]].T
-        x1, y1, x2, y2 = self._measured[rows].T
-        ends = x + c * x1 - s * y1, y + s * x1 + c * y1, x + c * x2 - s * y2, y + s * x2 + c * y2
-        self._segments[rows] = moved = np.column_stack(ends)
-        links: dict[int, list[Link]] = {}
-        for (chain_id, index, scan), ends_m in zip(owners[rows].tolist(), moved.tolist(), strict=True):
-            if chain_id not in links:
-                links[chain_id] = list(self._chains[chain_id].links)
-            link = links[chain_id][index]
-            links[chain_id][index] = Link(Segment(*ends_m), scan, link.feature_index, link.feature)
-        for chain_id, placed in links.items():
-            self._chains[chain_id] = replace(self._chains[chain_id], links=tuple(placed))
+    def place(self, scans: NDArray[np.intp], poses: Array) -> None:
+        """Place again every link of these scans, for a back-end that moves whole scans.
+
+        Args:
+            scans: rising, shape (k,).
+            poses: x, y [m], heading [rad] of each, shape (k, 3).
+        """
+        rows = slice(self._size)
+        _place(
+            *(np.ascontiguousarray(scans), poses, self._owners[rows], self._measured, self._segments),
+            *(self._left, self._behind),
+        )
+
+    def _catch_up(self, chain_id: int) -> None:
+        """The links of a chain go where their rows are."""
+        chain, rows = self._chains[chain_id], self._rows[chain_id]
+        links, left = list(chain.links), self._left[rows]
+        ends = self._segments[rows].tolist()
+        for i in np.flatnonzero(left).tolist():
+            links[i] = Link(Segment(*ends[i]), links[i].scan, links[i].feature_index, links[i].feature)
+        self._chains[chain_id] = replace(chain, links=tuple(links))
+        self._left[rows] = self._behind[chain_id] = False
 
     def _stack(self, link: Link, chain_id: int, index: int) -> None:
         if self._size == len(self._segments):
-            for name in ("_segments", "_owners", "_measured"):
+            for name in ("_segments", "_owners", "_measured", "_left"):
                 rows = getattr(self, name)
-                setattr(self, name, np.concatenate([rows, np.empty_like(rows)]))
+                setattr(self, name, np.concatenate([rows, np.zeros_like(rows)]))
         self._segments[self._size] = link.segment.as_row()
         self._measured[self._size] = link.feature.segment.as_row()
         self._owners[self._size] = chain_id, index, link.scan
+        self._rows[chain_id].append(self._size)
         self._size += 1
+
+
+@kernel
+def _place(scans, poses, owners, measured, segments, left, behind):  # type: ignore[no-untyped-def]
+    """Segments of the links of these scans; the rows are `left` by their links then, and their chains `behind`."""
+    turned = np.empty((len(scans), 2))
+    number = np.full(scans[-1] + 1 if len(scans) else 0, -1)
+    for k in range(len(scans)):
+        number[scans[k]] = k
+        turned[k, 0], turned[k, 1] = math.cos(poses[k, 2]), math.sin(poses[k, 2])
+    for row in range(len(owners)):
+        k = number[owners[row, 2]] if owners[row, 2] < len(number) else -1
+        if k < 0:
+            continue
+        x, y, c, s = poses[k, 0], poses[k, 1], turned[k, 0], turned[k, 1]
+        for i in (0, 2):
+            at, across = measured[row, i], measured[row, i + 1]
+            segments[row, i], segments[row, i + 1] = x + c * at - s * across, y + s * at + c * across
+        left[row] = behind[owners[row, 0]] = True

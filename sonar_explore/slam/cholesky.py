@@ -54,15 +54,11 @@ def eliminated(starts, factors, ends, rows, order, rank, dims, touched, layout, 
 
 @inner_kernel
 def _assemble(v, starts, factors, ends, rows, rank, dims, place, block):  # type: ignore[no-untyped-def]
-    """The columns of J'J of one variable, from its own rows on."""
-    d = dims[v]
+    """The columns of J'J of one variable, from the diagonal on."""
     if v == 0:
-        for f in range(len(ends)):
-            for i in range(3):
-                for j in range(3):
-                    for k in range(3):
-                        block[k * 3 + j] += rows[f, i, 8 + j] * rows[f, i, 8 + k]
+        _assemble_constants(rows, len(ends), block)
         return
+    d = dims[v]
     for at in range(starts[v], starts[v + 1]):
         f = factors[at]
         side = 0 if ends[f, 0] == v else 1
@@ -73,7 +69,7 @@ def _assemble(v, starts, factors, ends, rows, rank, dims, place, block):  # type
                 x = rows[f, i, mine + j]
                 if x == 0.0:
                     continue
-                for k in range(d):
+                for k in range(j, d):
                     block[k * d + j] += rows[f, i, mine + k] * x
                 for k in range(3):
                     block[(place[0] + k) * d + j] += rows[f, i, 8 + k] * x
@@ -86,25 +82,39 @@ def _assemble(v, starts, factors, ends, rows, rank, dims, place, block):  # type
 
 
 @inner_kernel
+def _assemble_constants(rows, count, block):  # type: ignore[no-untyped-def]
+    """Those of the constants, which all factors are tied to, most by one of the three alone."""
+    for f in range(count):
+        for i in range(3):
+            for j in range(3):
+                x = rows[f, i, 8 + j]
+                if x == 0.0:
+                    continue
+                for k in range(j, 3):
+                    block[k * 3 + j] += rows[f, i, 8 + k] * x
+
+
+@inner_kernel
 def _subtract(k, v, upto, row, dims, layout, struct, factor, place, block):  # type: ignore[no-untyped-def]
     """What the block of k, whose rows from `row` on are those of v and of the variables after it, has in that of v."""
-    d, dv, at = dims[k], dims[v], layout[k, 3]
-    mine = at + row * d
-    theirs = mine
-    for i in range(layout[k, 0] + upto, layout[k, 0] + layout[k, 1]):
-        u = struct[i]
-        to = place[u] * dv
-        for _ in range(dims[u]):
-            for j in range(dv):
-                x, y = theirs, mine + j * d
-                total = factor[x] * factor[y] + factor[x + 1] * factor[y + 1]
+    d, dv = dims[k], dims[v]
+    mine = layout[k, 3] + row * d
+    for j in range(dv):
+        at, theirs = mine + j * d, mine
+        a, b = factor[at], factor[at + 1]
+        c, e = factor[at + 2] if d > 2 else 0.0, factor[at + 3] if d > 3 else 0.0
+        for i in range(layout[k, 0] + upto, layout[k, 0] + layout[k, 1]):
+            u = struct[i]
+            to = place[u] * dv + j
+            for _ in range(dims[u]):
+                total = factor[theirs] * a + factor[theirs + 1] * b
                 if d == 4:
-                    total += factor[x + 2] * factor[y + 2] + factor[x + 3] * factor[y + 3]
+                    total += factor[theirs + 2] * c + factor[theirs + 3] * e
                 elif d == 3:
-                    total += factor[x + 2] * factor[y + 2]
+                    total += factor[theirs + 2] * c
                 block[to] -= total
-                to += 1
-            theirs += d
+                to += dv
+                theirs += d
 
 
 @inner_kernel

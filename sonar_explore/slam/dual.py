@@ -27,7 +27,9 @@ def merge_dual_associations(chains: ChainMap, kept: Sequence[Association]) -> tu
     merges: list[Merge] = []
     for feature in sorted({association.feature for association in kept}):
         claims = {surviving(a.chain, merges) for a in kept if a.feature == feature}
-        best, *others = sorted(claims, key=lambda chain: (-chains[chain].root_probability, chain))
+        if len(claims) == 1:
+            continue
+        best, *others = sorted(claims, key=lambda chain: (-chains.root_probability(chain), chain))
         for other in others:
             chains.merge(best, other)
             merges.append(Merge(best, other))

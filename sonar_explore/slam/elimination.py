@@ -31,6 +31,12 @@ STRUCT, COUNT, ROOM, BLOCK, SIZE, SPACE = range(6)
 and for how many there is room; where in `_factor` its block begins, how many numbers it has, for how many is room."""
 
 
+Tree = tuple[
+    NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Array
+]
+"""Rank, parent and how many numbers each variable has, layout, struct and factor, as `Elimination` and `Blocks` say."""
+
+
 class Blocks(NamedTuple):
     """What the kernels make the factor in."""
 
@@ -99,6 +105,11 @@ class Elimination:
         self._sparse = entries if found else self._sparse
         self._filled = entries > FILLED * self._sparse
         return Blocks(starts, factors, self._order, self._rank, self._layout, self._struct, self._factor)
+
+    @property
+    def tree(self) -> Tree:
+        """The factor and the elimination tree, as `cholesky.covariances` takes them."""
+        return self._rank, self._parent, self._dims, self._layout, self._struct, self._factor
 
     def covariances(self, variables: NDArray[np.intp], by: Array, other: int, by_other: Array) -> Array:
         """Of numbers that depend on one variable each and on another that is the same for all, shape (k, m, m).

@@ -96,7 +96,7 @@ class FactorGraph:
         """First guess of a new one; its number."""
         k = self.variables
         if k == len(self._dims):
-            self._values, self._dims = _doubled(self._values), _doubled(self._dims)
+            self._values, self._dims = doubled(self._values), doubled(self._dims)
         self._values[k, : len(values)], self._dims[k] = values, len(values)
         self.variables += 1
         return k
@@ -106,7 +106,7 @@ class FactorGraph:
         k = self.factors
         if k == len(self._kinds):
             for name in ("_kinds", "_ends", "_measured", "_rows"):
-                setattr(self, name, _doubled(getattr(self, name)))
+                setattr(self, name, doubled(getattr(self, name)))
         self._kinds[k], self._ends[k], self._measured[k, : len(measured)] = kind, (first, second), measured
         self.factors += 1
         return k
@@ -131,5 +131,6 @@ class FactorGraph:
         return out
 
 
-def _doubled(array: NDArray[T]) -> NDArray[T]:
+def doubled(array: NDArray[T]) -> NDArray[T]:
+    """With as many rows again, zeros."""
     return np.concatenate([array, np.zeros_like(array)])

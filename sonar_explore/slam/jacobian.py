@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 
 from sonar_explore.compiled import inner_kernel, lean_kernel
+from sonar_explore.slam.factor_graph import FactorKind
 
+START, ROBOT, TURN, ODOMETRY, LINE, POINT, COLUMN, RADIUS = (int(kind) for kind in FactorKind)
 HUBER, CAUCHY = 1.5, 2.0  # sigmas
 FREE_M, FREE_RAD = (
     1.0,
@@ -27,12 +29,17 @@ def linearised(kinds, ends, measured, values, huber, tolerance, rows, row, off, 
         off: and its residuals, shape (3,).
     """
     loss = total = 0.0
-    slope[:] = 0.0
+    for v in range(len(slope)):
+        for j in range(4):
+            slope[v, j] = 0.0
     for f in range(len(kinds)):
-        a, b = ends[f, 0], ends[f, 1]
-        row[:] = 0.0
-        off[:] = 0.0
-        squared = _linearise(kinds[f], measured[f], values, a, b, row, off)
+        kind, a, b = kinds[f], ends[f, 0], ends[f, 1]
+        height = 2 if kind > ODOMETRY or kind == TURN else 3
+        for i in range(3):
+            off[i] = 0.0
+            for j in range(11):
+                row[i, j] = 0.0
+        squared = _linearise(kind, measured[f], values, a, b, row, off)
         if squared >= 0.0:
             cauchy = CAUCHY * CAUCHY * math.log1p(squared / (CAUCHY * CAUCHY))
             loss += cauchy
@@ -43,26 +50,47 @@ def linearised(kinds, ends, measured, values, huber, tolerance, rows, row, off, 
                 for j in range(11):
                     row[i, j] *= weight
         else:
-            total += off[0] * off[0] + off[1] * off[1] + off[2] * off[2]
-        changed = size = 0.0
-        for i in range(3):
-            for j in range(11):
-                size += rows[f, i, j] * rows[f, i, j]
-                changed += (row[i, j] - rows[f, i, j]) * (row[i, j] - rows[f, i, j])
-            for j in range(4):
-                slope[a, j] += row[i, j] * off[i]
-                if b >= 0:
-                    slope[b, j] += row[i, 4 + j] * off[i]
-            for j in range(3):
-                slope[0, j] += row[i, 8 + j] * off[i]
-        if changed > tolerance * tolerance * size or _resists(kinds[f], rows[f], values, a, b):
-            for i in range(3):
+            for i in range(height):
+                total += off[i] * off[i]
+        changed, size = _change(row, rows[f], height)
+        _slopes(row, off, a, b, height, slope)
+        if changed > tolerance * tolerance * size or _resists(kind, rows[f], values, a, b):
+            for i in range(height):
                 for j in range(11):
                     rows[f, i, j] = row[i, j]
             touched[a] = touched[0] = True
             if b >= 0:
                 touched[b] = True
     return loss, total
+
+
+@inner_kernel
+def _change(row, before, height):  # type: ignore[no-untyped-def]
+    """Sums of squares: of how rows differ from those before, and of those before."""
+    changed = size = 0.0
+    for i in range(height):
+        changed_here = size_here = 0.0
+        for j in range(11):
+            change = row[i, j] - before[i, j]
+            changed_here += change * change
+            size_here += before[i, j] * before[i, j]
+        changed += changed_here
+        size += size_here
+    return changed, size
+
+
+@inner_kernel
+def _slopes(row, off, a, b, height, slope):  # type: ignore[no-untyped-def]
+    """What a factor adds to J'r."""
+    for i in range(height):
+        r = off[i]
+        for j in range(4):
+            slope[a, j] += row[i, j] * r
+        if b >= 0:
+            for j in range(4):
+                slope[b, j] += row[i, 4 + j] * r
+        for j in range(3):
+            slope[0, j] += row[i, 8 + j] * r
 
 
 @inner_kernel
@@ -74,19 +102,20 @@ def _resists(kind, rows, values, a, b):  # type: ignore[no-untyped-def]
     """
     if b < 0:
         return False
-    x, y = values[a, 0], values[a, 1]
-    for i in range(3):
+    x, y, height = values[a, 0], values[a, 1], 3 if kind == ODOMETRY else 2
+    c, s = (math.cos(values[b, 0]), math.sin(values[b, 0])) if kind == LINE else (0.0, 0.0)
+    for i in range(height):
         along_x, along_y = rows[i, 0], rows[i, 1]
         turned = rows[i, 2] + rows[i, 1] * x - rows[i, 0] * y
-        if kind == 4:
-            along_x += rows[i, 5] * math.cos(values[b, 0])
-            along_y += rows[i, 5] * math.sin(values[b, 0])
+        if kind == LINE:
+            along_x += rows[i, 5] * c
+            along_y += rows[i, 5] * s
             turned += rows[i, 4]
         else:
             along_x += rows[i, 4]
             along_y += rows[i, 5]
             turned += rows[i, 5] * values[b, 0] - rows[i, 4] * values[b, 1]
-            if kind == 3:
+            if kind == ODOMETRY:
                 turned += rows[i, 6]
         if max(abs(along_x), abs(along_y)) > FREE_M or abs(turned) > FREE_RAD:
             return True
@@ -114,22 +143,22 @@ def _cauchy(squared):  # type: ignore[no-untyped-def]
 @inner_kernel
 def _linearise(kind, measured, values, a, b, row, off):  # type: ignore[no-untyped-def]
     """Rows and residuals of one factor; its squared residual where that counts robustly, else -1."""
-    if kind == 3:
+    if kind == ODOMETRY:
         _odometry(measured, values, a, b, row, off)
         return -1.0
-    if kind == 4:
+    if kind == LINE:
         return _line(measured, values, a, b, row, off)
-    if kind == 5 or kind == 6:
-        return _point(measured, values, a, b, kind == 6, row, off)
-    if kind == 2:  # every scan's turn is about as the wheels turn, and some about as their discs heard
+    if kind in (POINT, COLUMN):
+        return _point(measured, values, a, b, kind == COLUMN, row, off)
+    if kind == TURN:  # every scan's turn is about as the wheels turn, and some about as their discs heard
         row[0, 3], off[0] = measured[0], measured[0] * values[a, 3]
         row[1, 3] = row[1, 8] = measured[2]
         off[1] = measured[2] * (values[0, 0] + values[a, 3] - measured[1])
-    elif kind == 7:
+    elif kind == RADIUS:
         row[0, 2], off[0] = measured[1], measured[1] * (values[a, 2] - measured[0])
     else:
         for i in range(3):
-            if kind == 0:
+            if kind == START:
                 row[i, i], off[i] = FIRMLY, FIRMLY * (values[a, i] - measured[i])
             else:
                 row[i, 8 + i], off[i] = measured[i], measured[i] * values[0, i]

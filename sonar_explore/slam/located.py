@@ -10,6 +10,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
@@ -75,5 +77,5 @@ class LocatedSlam(ChainSlam, ABC):
             self._entries = [
                 ScanEntry(moved.get(i, e.pose), e.scan, e.features) for i, e in enumerate(self._entries)
             ]
-            self.chains.place(moved)
+            self.chains.place(np.array([*moved]), np.array([pose.as_row() for pose in moved.values()]))
         self.pose = poses[-1]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from sonar_explore.compiled import kernel, lean_kernel
 from sonar_explore.geometry import Array
+from sonar_explore.slam.relative import pose_covariance
 from sonar_explore.slam.smoothing import Smoother
 
 SOLUTIONS = 12  # until a closed loop is given up: over a gap of metres the first ones are far from the best
@@ -72,6 +73,19 @@ def visits(
     return [rows for rows in together if len(rows) >= config.least]
 
 
+def may_close(smoother: Smoother, numbers: NDArray[np.int64], places: Array, config: LoopConfig) -> bool:
+    """Whether any visit has so many points near what was heard of late that `closed` would look for a move.
+
+    Mostly none has, and this is sooner said than found out step by step.
+
+    Args:
+        numbers: of all points of the smoother's, rising, and their `places`.
+    """
+    counts, gates = (config.recent, config.least), (config.reach_m, config.together_m**2, config.gate)
+    rows = smoother.known_points.rows
+    return bool(len(numbers) and _may_close(numbers, places, rows, *smoother.solved, counts, gates))
+
+
 def closed(
     recent: Array, old: Array, alike: NDArray[np.bool_], about: Array, prior: Array, config: LoopConfig
 ) -> list[tuple[int, int]]:
@@ -86,7 +100,7 @@ def closed(
     """
     recent, old, near = recent - about, old - about, alike.copy()
     _gate(recent, old, prior, config.together_m**2, config.gate, config.reach_m, near)
-    if min(near.any(axis=1).sum(), near.any(axis=0).sum()) < config.least:
+    if not _several(near, config.least):
         return []
     rows, columns = np.nonzero(near)
     information = np.linalg.inv(prior + np.diag([1e-4, 1e-4, 1e-5]))
@@ -116,6 +130,89 @@ def settles(smoother: Smoother, worst: float) -> bool:
             return False
         before = misfit
     return False
+
+
+@kernel
+def _may_close(  # type: ignore[no-untyped-def]
+    numbers, places, rows, scans, last, values, rank, parent, dims, layout, struct, factor, counts, gates
+):
+    """`may_close` by what `KnownPoints` has and by `Smoother.solved`.
+
+    Args:
+        counts: scans of late, least points.
+        gates: reach [m], variance of what falls together [m2], gate.
+    """
+    late, least, now = counts[0], counts[1], len(scans) - 1
+    recent, old = np.empty((len(numbers), 2)), np.empty((len(numbers), 2))
+    which, kinds = np.empty(len(numbers), dtype=np.int64), np.empty(len(numbers), dtype=np.int64)
+    x, y = values[scans[now], 0], values[scans[now], 1]
+    n, x0, y0, x1, y1 = 0, np.inf, np.inf, -np.inf, -np.inf
+    for k in range(len(numbers)):
+        if rows[numbers[k], 3] > now - late:
+            recent[n, 0], recent[n, 1], kinds[n] = places[k, 0] - x, places[k, 1] - y, rows[numbers[k], 2]
+            x0, y0, x1, y1 = (
+                min(x0, places[k, 0]),
+                min(y0, places[k, 1]),
+                max(x1, places[k, 0]),
+                max(y1, places[k, 1]),
+            )
+            n += 1
+    if n < least:
+        return False
+    x0, y0, x1, y1 = x0 - gates[0], y0 - gates[0], x1 + gates[0], y1 + gates[0]
+    m = 0
+    for k in range(len(numbers)):
+        heard = rows[numbers[k], 4]
+        if heard > now - late or not (x0 <= places[k, 0] <= x1 and y0 <= places[k, 1] <= y1):
+            continue
+        at = m
+        while at > 0 and rows[numbers[which[at - 1]], 4] > heard:
+            which[at] = which[at - 1]
+            at -= 1
+        which[at] = k
+        m += 1
+    begin, prior = 0, np.empty((1, 3, 3))
+    for end in range(1, m + 1):
+        if end < m and rows[numbers[which[end]], 4] - rows[numbers[which[end - 1]], 4] <= late:
+            continue
+        size = end - begin
+        if size >= least:
+            middle = (
+                rows[numbers[which[begin + (size - 1) // 2]], 4] + rows[numbers[which[begin + size // 2]], 4]
+            )
+            prior[:] = 0.0
+            if last >= 0:
+                pose_covariance(
+                    scans[middle // 2], last, values, rank, parent, dims, layout, struct, factor, prior
+                )
+            near = np.empty((n, size), dtype=np.bool_)
+            for j in range(size):
+                k = which[begin + j]
+                old[j, 0], old[j, 1] = places[k, 0] - x, places[k, 1] - y
+                for i in range(n):
+                    near[i, j] = kinds[i] == rows[numbers[k], 2]
+            _gate(recent[:n], old[:size], prior[0], gates[1], gates[2], gates[0], near)
+            if _several(near, least):
+                return True
+        begin = end
+    return False
+
+
+@lean_kernel
+def _several(near, least):  # type: ignore[no-untyped-def]
+    """Whether so many rows, and so many columns, have anything."""
+    rows = columns = 0
+    for i in range(near.shape[0]):
+        for j in range(near.shape[1]):
+            if near[i, j]:
+                rows += 1
+                break
+    for j in range(near.shape[1]):
+        for i in range(near.shape[0]):
+            if near[i, j]:
+                columns += 1
+                break
+    return min(rows, columns) >= least
 
 
 @lean_kernel

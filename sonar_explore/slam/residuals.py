@@ -66,10 +66,10 @@ def residuals_to_lines(
     found, links = Residuals.empty(n), np.empty((n, 4))
     bearings = np.empty(n)
     for i, a in enumerate(associations):
-        feature, chain = features[a.feature], chains[a.chain]
-        links[i] = chain.links[a.link].segment.as_row()
+        feature = features[a.feature]
+        links[i] = chains.segments[chains.row(a.chain, a.link)]
         bearings[i], found.range_m[i] = feature.bearing_rad, feature.range_m
-        found.discs[i], found.root_probability[i] = feature.discs, chain.root_probability
+        found.discs[i], found.root_probability[i] = feature.discs, chains.root_probability(a.chain)
     place = pose.x, pose.y, pose.heading
     _offsets(*place, bearings, found.range_m, links, found.adr_rad, found.link_ndr_m, found.link_normals)
     _offsets(*place, bearings, found.range_m, roots, found.adr_rad, found.ndr_m, found.normals)

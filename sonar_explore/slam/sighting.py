@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from sonar_explore.slam.columns import PointKind
 from sonar_explore.slam.features import Feature
 from sonar_explore.slam.points import Point
 
@@ -25,14 +26,12 @@ class Sighting:
     """How many discs heard it."""
     radius_m: float = 0.0
     """Of a column, as its width tells it; 0 for a thin point, and for a wall, [m]."""
+    kind: PointKind = PointKind.EDGE
+    """Of a point."""
 
     @classmethod
     def of(cls, scan: int, what: int, heard: Feature | Point, turn_error: float) -> Sighting:
         """As the odometry has it; the bearing that was heard is already free of this relative error of the turn."""
         bearing = heard.bearing_rad - heard.sweep_rad * turn_error
-        radius = heard.radius_m if isinstance(heard, Point) else 0.0
-        return cls(scan, what, bearing, heard.sweep_rad, heard.range_m, heard.discs, radius)
-
-    def as_row(self) -> tuple[float, ...]:
-        """The same as numbers, in this order."""
-        return self.scan, self.what, self.bearing_rad, self.sweep_rad, self.range_m, self.discs, self.radius_m
+        seen = scan, what, bearing, heard.sweep_rad, heard.range_m, heard.discs
+        return cls(*seen, heard.radius_m, heard.kind) if isinstance(heard, Point) else cls(*seen)

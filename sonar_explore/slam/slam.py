@@ -99,7 +99,7 @@ class ChainSlam:
         reference = self._reference(predicted, features, associations)
         residuals = residuals_to_lines(predicted, features, associations, self.chains, reference)
         believable = self._believable(associations, residuals) & follows_the_wall(
-            predicted, features, associations, self.chains, [e.pose for e in self._entries], config.turning
+            predicted, features, associations, self.chains, self._pose_of, config.turning
         )
         associations = tuple(a for a, ok in zip(associations, believable, strict=True) if ok)
         residuals = residuals.only(believable)
@@ -155,6 +155,10 @@ class ChainSlam:
     def _believable(self, associations: Sequence[Association], residuals: Residuals) -> NDArray[np.bool_]:
         """Which associations the odometry allows, shape (n,)."""
         return self._filter.believable(residuals)
+
+    def _pose_of(self, scan: int) -> Pose:
+        """Where a scan is believed to have begun."""
+        return self._entries[scan].pose
 
     def _predicted_at(self, scan: Scan) -> Pose:
         """Where the scan began: by odometry, or as placed."""

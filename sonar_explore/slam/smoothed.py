@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonar_explore.amigobot import AmigoBot
+from sonar_explore.compiled import lean_kernel
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.association import Association
 from sonar_explore.slam.base import ScanEntry, ScanUpdate, SlamConfig
 from sonar_explore.slam.dual import surviving
 from sonar_explore.slam.features import Feature
-from sonar_explore.slam.loop_closing import closed, settles, visits
+from sonar_explore.slam.known_points import KIND
+from sonar_explore.slam.loop_closing import closed, may_close, settles, visits
 from sonar_explore.slam.motion import MotionSum, RandomWalk
 from sonar_explore.slam.point_matching import matched
 from sonar_explore.slam.points import Point
@@ -35,15 +37,25 @@ class SmoothedSlam(ChainSlam):
         self._smoother = Smoother(start, smoothing, (smoothing.turn_error, smoothing.bend_rad_m))
         self._points_known = self._smoother.points()
         """Their numbers and places, as last solved."""
-        self._kinds: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
-        """`PointKind` of every point, by its number."""
-        self._heard_at: NDArray[np.intp] = np.zeros((0, 2), dtype=np.intp)
-        """First and last scan that heard it."""
-        self._where: Array = np.zeros((0, 3))
+        self._where: Array = np.full((64, 3), np.inf)
         """x, y [m], heading [rad] at which each scan was placed."""
+        self._moved: NDArray[np.bool_] = np.zeros(64, dtype=bool)
+        """Scans that were placed elsewhere since their entry was made."""
         self._hears_points = False
         """Whether a scan has what points are heard by: all discs."""
         self._motion = MotionSum(RandomWalk(odometry.turn_rad, odometry.drift_rad, odometry.distance_m))
+
+    @property
+    def scans(self) -> tuple[ScanEntry, ...]:
+        """Every scan so far, in order, at the poses now believed."""
+        for k in np.flatnonzero(self._moved).tolist():
+            entry = self._entries[k]
+            self._entries[k] = ScanEntry(self._pose_of(k), entry.scan, entry.features)
+        self._moved[:] = False
+        return super().scans
+
+    def _pose_of(self, scan: int) -> Pose:
+        return Pose(*self._where[scan].tolist())
 
     def predict(self, pose_robot_in_odometry: Pose) -> Pose:
         """Carry the belief along with the odometry since the last call."""
@@ -72,7 +84,6 @@ class SmoothedSlam(ChainSlam):
             self._smoother.add_sighting(Sighting.of(update.index, chain, update.features[i], self._smear))
         for point, number in zip(self._points, met, strict=True):
             self._smoother.add_point(Sighting.of(update.index, number, point, known))
-        self._heard_at[met, 1] = update.index
         self._smoother.solve()
         self._points_known = self._smoother.points()
         self._close_loops()
@@ -91,26 +102,20 @@ class SmoothedSlam(ChainSlam):
 
     def _met_again(self, points: Sequence[Point], pose: Pose, turn_error: float) -> list[int]:
         """The number of each point of this scan: of the one known before that it is, or a new one."""
-        numbers, places = self._points_known
-        out = [len(self._kinds) + k for k in range(len(points))]
-        if not points:
+        first = self._smoother.known_points.count
+        out = list(range(first, first + len(points)))
+        if not points or not first:
             return out
-        kinds = np.array([point.kind for point in points], dtype=np.intp)
-        self._kinds = np.append(self._kinds, kinds)
-        self._heard_at = np.vstack([self._heard_at, np.full((len(points), 2), len(self._entries) - 1)])
-        if not len(numbers):
-            return out
+        config, (numbers, places) = self.config.matching, self._points_known
         here = np.array([p.seen_from(pose, turn_error) for p in points])
-        config = self.config.matching
-        near = (np.hypot(*(places[:, None] - here[None]).transpose(2, 0, 1)) <= config.reach_m).any(axis=1)
-        numbers, places = numbers[near], places[near]
-        if not len(numbers):
+        rows, variance = self._smoother.near(here, config.reach_m, self._points_known)
+        if not len(rows):
             return out
-        spread = self._smoother.spread(numbers, places)
-        variance = 0.5 * np.trace(spread, axis1=1, axis2=2)
-        prior = self._filter.covariance[:3, :3]
-        alike = kinds[:, None] == self._kinds[numbers]
+        numbers, places = numbers[rows], places[rows]
+        kinds = np.array([point.kind for point in points])
+        alike = kinds[:, None] == self._smoother.known_points.rows[numbers, KIND]
         alike &= variance <= config.sure_m**2
+        prior = self._filter.covariance[:3, :3]
         found = matched(here, np.array([pose.x, pose.y]), prior, places, variance, config, alike)
         return [int(numbers[j]) if j >= 0 else new for j, new in zip(found, out, strict=True)]
 
@@ -118,9 +123,9 @@ class SmoothedSlam(ChainSlam):
         """Where what was heard of late is what was heard long ago, put the two together."""
         config, now = self.config.loops, len(self._entries) - 1
         numbers, places = self._points_known
-        if not len(numbers):
+        if not may_close(self._smoother, numbers, places, config):
             return
-        (first, last), kinds = self._heard_at[numbers].T, self._kinds[numbers]
+        _, _, kinds, first, last = self._smoother.known_points.rows[numbers].T
         recent = np.flatnonzero(first > now - config.recent)
         for old in visits(places, last, recent, now, config):
             prior = self._smoother.drift(int(np.median(last[old])))
@@ -134,27 +139,28 @@ class SmoothedSlam(ChainSlam):
 
     def _put_together(self, same: Sequence[tuple[int, int]]) -> None:
         """Points (survivor, absorbed), unless what was heard, of these and all others, then fits much worse."""
-        before, heard_at = self._smoother.copy(), self._heard_at.copy()
+        before = self._smoother.copy()
         for survivor, absorbed in same:
             self._smoother.merge_points(survivor, absorbed)
-            self._heard_at[survivor, 1] = self._heard_at[absorbed, 1]
         if not settles(self._smoother, before.misfit() + self.config.loops.strain * len(same)):
-            self._smoother, self._heard_at = before, heard_at
+            self._smoother = before
         self._points_known = self._smoother.points()
 
     def _move_everything(self) -> None:
         """Scans and chains to where they are by the solution, but for those that have hardly moved since they were."""
         config, poses = self.config.smoothing, self._smoother.poses
-        self._where = np.vstack([self._where, poses[len(self._where) :] + np.inf])
-        off = np.abs(poses - self._where) > (config.settled_m, config.settled_m, config.settled_rad)
-        moved = np.flatnonzero(off.any(axis=1)).tolist()
-        self._where[moved] = poses[moved]
-        placed = {k: Pose(*poses[k].tolist()) for k in moved}
-        for k, pose in placed.items():
-            self._entries[k] = ScanEntry(pose, self._entries[k].scan, self._entries[k].features)
-        self.chains.place(placed)
-        self.pose = placed[len(poses) - 1]
-        self._filter.restart(*map(float, (*self._smoother.constants[:2], self._smoother.own[-1])))
+        if len(poses) > len(self._where):
+            self._where = np.concatenate([self._where, np.full_like(self._where, np.inf)])
+            self._moved = np.concatenate([self._moved, np.zeros_like(self._moved)])
+        scans, still = (
+            np.empty(len(poses), dtype=np.intp),
+            (config.settled_m, config.settled_m, config.settled_rad),
+        )
+        scans = scans[: _settle(poses, still, self._where, self._moved, scans)]
+        self.chains.place(scans, poses[scans])
+        self.pose = self._pose_of(len(poses) - 1)
+        turn_error, bend, _ = self._smoother.constants.tolist()
+        self._filter.restart(turn_error, bend, self._smoother.own_error)
 
     def _reference(
         self, predicted: Pose, features: Sequence[Feature], associations: Sequence[Association]
@@ -163,7 +169,8 @@ class SmoothedSlam(ChainSlam):
         rows = np.empty((len(associations), 4))
         for i, a in enumerate(associations):
             angle, distance = self._smoother.line(a.chain)
-            x, y = self.chains[a.chain].links[a.link].segment.midpoint
+            x1, y1, x2, y2 = self.chains.segments[self.chains.row(a.chain, a.link)].tolist()
+            x, y = 0.5 * (x1 + x2), 0.5 * (y1 + y2)
             c, s = math.cos(angle), math.sin(angle)
             off = x * c + y * s - distance
             x, y = x - off * c, y - off * s
@@ -182,3 +189,17 @@ class SmoothedSlam(ChainSlam):
         if self._hears_points:
             believable &= spread[:, 1, 1] <= self.config.matching.sure_m**2
         return believable
+
+
+@lean_kernel
+def _settle(poses, still, where, moved, scans):  # type: ignore[no-untyped-def]
+    """Scans farther from where they were placed than what is `still` are there now; which, and how many."""
+    count = 0
+    for k in range(len(poses)):
+        for i in range(3):
+            if abs(poses[k, i] - where[k, i]) > still[i]:
+                where[k, 0], where[k, 1], where[k, 2] = poses[k, 0], poses[k, 1], poses[k, 2]
+                moved[k], scans[count] = True, k
+                count += 1
+                break
+    return count

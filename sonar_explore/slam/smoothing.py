@@ -26,10 +26,12 @@ from numpy.typing import NDArray
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.slam.descent import descended
 from sonar_explore.slam.discs import TurnError
-from sonar_explore.slam.elimination import Elimination
+from sonar_explore.slam.elimination import Elimination, Tree
 from sonar_explore.slam.factor_graph import CONSTANTS, FactorGraph, FactorKind
 from sonar_explore.slam.jacobian import linearised
+from sonar_explore.slam.known_points import BOUND, NONE, ONCE, STATE, VARIABLE, KnownPoints
 from sonar_explore.slam.motion import Motion
+from sonar_explore.slam.relative import line_covariances, near_points, point_covariances, pose_covariance
 from sonar_explore.slam.sighting import Sighting
 
 _LOWER = np.tril_indices(3)
@@ -84,13 +86,11 @@ class Smoother:
         self._graph.add_variable(0.0, 0.0, 0.0)
         self._constant_sigmas = (*wheel_sigmas, config.range_scale)
         self._scans: list[int] = []
-        """The variable of each scan's pose, of each chain's line and of each point that was met again."""
+        """The variable of each scan's pose, and of each chain's line."""
         self._chains: dict[int, int] = {}
-        self._numbers: dict[int, int] = {}
         self._widths: dict[int, tuple[int, int, float]] = {}
         """Of a column's variable: the factor of its radius, how often it was heard, the sum of its radii by width."""
-        self._once: dict[int, tuple[int, Sighting]] = {}
-        """Points that were heard in one scan alone, and that scan's variable: they bind nothing yet."""
+        self.known_points = KnownPoints()
         self._far_off = True
         """Whether the next solution may be far from here."""
         self._elimination = Elimination()
@@ -110,6 +110,11 @@ class Smoother:
     def own(self) -> Array:
         """What each scan's own turn has of error beyond the constant one, relative, shape (n,)."""
         return self._graph.values[self._scans, 3]
+
+    @property
+    def own_error(self) -> float:
+        """The same of the last scan's turn."""
+        return float(self._graph.values[self._scans[-1], 3])
 
     @property
     def constants(self) -> Array:
@@ -161,37 +166,48 @@ class Smoother:
             self._chains[sighting.what] = self._graph.add_variable(angle, distance)
         config = self._config
         sigma = math.sqrt(config.bearing_rad**2 / sighting.discs + config.bearing_least_rad**2)
-        self._hear(FactorKind.LINE, sighting, self._chains[sighting.what], sigma, config.range_m)
+        heard = sighting.bearing_rad, sighting.sweep_rad, sighting.range_m, 1.0 / sigma, 1.0 / config.range_m
+        line = self._chains[sighting.what]
+        self._graph.add_factor(FactorKind.LINE, self._scans[sighting.scan], line, heard)
 
     def add_point(self, sighting: Sighting) -> None:
         """A point; from the second scan that hears it on it is in the problem."""
-        number = sighting.what
-        if number in self._once:
-            self._bind(number)
-        elif number not in self._numbers:
-            self._once[number] = self._scans[sighting.scan], sighting
+        points, number = self.known_points, sighting.what
+        if points.state(number) == NONE:
+            points.first_heard(sighting, self._scans[sighting.scan])
             return
-        self._hear_point(sighting)
+        points.heard_again(number, sighting.scan)
+        if points.state(number) == ONCE:
+            self._bind(number)
+        self._hear_point(number, self._scans[sighting.scan], points.as_heard(sighting))
 
     def _bind(self, number: int) -> None:
         """A point that was heard once is in the problem from now on."""
-        place = self._places([self._once[number]])[0].tolist()
-        _, first = self._once.pop(number)
-        if first.radius_m > 0.0:
-            point = self._graph.add_variable(*place, first.radius_m)
-            self._widths[point] = self._graph.add_factor(FactorKind.RADIUS, point, -1, ()), 0, 0.0
+        points, graph = self.known_points, self._graph
+        place, scan, first = (
+            points.place(number, graph.values),
+            points.variable(number),
+            points.heard[number].tolist(),
+        )
+        if first[3] > 0.0:
+            point = graph.add_variable(*place, first[3])
+            self._widths[point] = graph.add_factor(FactorKind.RADIUS, point, -1, ()), 0, 0.0
         else:
-            point = self._graph.add_variable(*place)
-        self._numbers[number] = point
-        self._hear_point(first)
+            point = graph.add_variable(*place)
+        points.bind(number, point)
+        self._hear_point(number, scan, first)
 
-    def _hear_point(self, sighting: Sighting) -> None:
-        config, point = self._config, self._numbers[sighting.what]
-        kind = FactorKind.COLUMN if point in self._widths else FactorKind.POINT
-        self._hear(kind, sighting, point, config.point_bearing_rad, config.point_range_m)
-        if point in self._widths:
-            factor, heard, radii = self._widths[point]
-            self._widths[point] = factor, heard + 1, radii + sighting.radius_m
+    def _hear_point(self, number: int, scan: int, heard: Sequence[float]) -> None:
+        """By the scan that has this variable: bearing, sweep [rad], range, radius [m]."""
+        config, point = self._config, self.known_points.variable(number)
+        column = point in self._widths
+        sigmas = 1.0 / config.point_bearing_rad, 1.0 / config.point_range_m
+        self._graph.add_factor(
+            FactorKind.COLUMN if column else FactorKind.POINT, scan, point, (*heard[:3], *sigmas)
+        )
+        if column:
+            factor, often, radii = self._widths[point]
+            self._widths[point] = factor, often + 1, radii + heard[3]
             self._tell_radius(point)
 
     def _tell_radius(self, column: int) -> None:
@@ -199,18 +215,14 @@ class Smoother:
         factor, heard, radii = self._widths[column]
         self._graph.measured[factor, :2] = radii / heard, heard / (self._config.radius_share * radii)
 
-    def _hear(
-        self, kind: FactorKind, sighting: Sighting, what: int, bearing_rad: float, range_m: float
-    ) -> None:
-        heard = sighting.bearing_rad, sighting.sweep_rad, sighting.range_m, 1.0 / bearing_rad, 1.0 / range_m
-        self._graph.add_factor(kind, self._scans[sighting.scan], what, heard)
-
     def merge_points(self, survivor: int, absorbed: int) -> None:
         """Two points of one kind are one."""
+        points = self.known_points
         for number in (survivor, absorbed):
-            if number in self._once:
+            if points.state(number) == ONCE:
                 self._bind(number)
-        stays, goes = self._numbers[survivor], self._numbers.pop(absorbed)
+        stays, goes = points.variable(survivor), points.variable(absorbed)
+        points.put_together(survivor, absorbed)
         self._put_together(stays, goes)
         if goes in self._widths:
             factor, heard, radii = self._widths.pop(goes)
@@ -228,11 +240,9 @@ class Smoother:
         self._changed += [stays, goes, *self._graph.put_together(stays, goes)]
         self._far_off = True
 
-    def points(self) -> tuple[NDArray[np.intp], Array]:
+    def points(self) -> tuple[NDArray[np.int64], Array]:
         """Number and place x y, shape (n, 2), [m], of every point so far."""
-        numbers = np.array([*self._numbers, *self._once], dtype=np.intp)
-        bound = self._graph.values[np.array([*self._numbers.values()], dtype=np.intp), :2]
-        return numbers, np.concatenate([bound, self._places([*self._once.values()])])
+        return self.known_points.places(self._graph.values)
 
     def solve(self) -> None:
         """Move poses, lines, points and the robot's constants to where everything agrees best."""
@@ -266,8 +276,7 @@ class Smoother:
     def copy(self) -> Smoother:
         """As it is now, whatever is added to this one or merged in it."""
         out = copy(self)
-        out._graph, out._elimination = self._graph.copy(), self._elimination.copy()
-        for name in ("_scans", "_chains", "_numbers", "_widths", "_once", "_changed"):
+        for name in ("_graph", "_elimination", "known_points", "_scans", "_chains", "_widths", "_changed"):
             setattr(out, name, getattr(self, name).copy())
         return out
 
@@ -285,52 +294,54 @@ class Smoother:
         out = np.zeros((len(chains), 2, 2))
         if not known:
             return out
-        line, last = [self._chains[chains[k]] for k in known], self._last_solved
-        by_pose, by_line = np.zeros((2, len(known), 4, 2))
-        x, y = at.x - self._graph.values[last, 0], at.y - self._graph.values[last, 1]
-        for i, (k, angle) in enumerate(zip(known, self._graph.values[line, 0].tolist(), strict=True)):
-            c, s = math.cos(angle), math.sin(angle)
-            side = 1.0 if c * normals[k, 0] + s * normals[k, 1] >= 0.0 else -1.0
-            by_pose[i, :3, 1] = side * c, side * s, side * (s * x - c * y)
-            by_line[i, :2, 1] = side * (at.y * c - at.x * s), -side
-        by_pose[:, 2, 0], by_line[:, 0, 0] = 1.0, -1.0
-        out[known] = self._elimination.covariances(np.array(line), by_line, last, by_pose)
+        lines, found = np.array([self._chains[chains[k]] for k in known]), np.zeros((len(known), 2, 2))
+        values, tree = self._graph.values, self._elimination.tree
+        line_covariances(lines, normals[known], at.x, at.y, self._last_solved, values, *tree, found)
+        out[known] = found
         return out
 
     def drift(self, scan: int) -> Array:
         """How unsure the last pose is, seen from this scan: x, y [m], heading [rad], map frame, shape (3, 3)."""
-        if not self._solved:
-            return np.zeros((3, 3))
-        last, here = self._last_solved, self._scans[scan]
-        x, y = (self._graph.values[last] - self._graph.values[here])[:2]
-        by_last, by_here = np.eye(4, 3)[None], -np.eye(4, 3)[None]
-        by_here[0, 2, 0], by_here[0, 2, 1] = y, -x
-        found: Array = self._elimination.covariances(np.array([here]), by_here, last, by_last)[0]
-        return found
+        out = np.zeros((1, 3, 3))
+        if self._solved:
+            here, last = self._scans[scan], self._last_solved
+            pose_covariance(here, last, self._graph.values, *self._elimination.tree, out)
+        return out[0]
 
-    def spread(self, numbers: NDArray[np.intp], at: Array) -> Array:
+    @property
+    def solved(self) -> tuple[NDArray[np.int64], int, Array, *Tree]:
+        """What kernels find covariances by: the variable of each scan, that of the last one that was solved, -1 before
+        there is any, the values of all variables, and the tree of elimination."""
+        last = self._last_solved if self._solved else -1
+        return np.array(self._scans), last, self._graph.values, *self._elimination.tree
+
+    def near(
+        self, here: Array, reach_m: float, known: tuple[NDArray[np.int64], Array]
+    ) -> tuple[NDArray[np.int64], Array]:
+        """Which of the points, as numbers and places, are in reach of any of these places, shape (n, 2), [m], and how
+        unsure each is, seen from the last scan: variance in any direction, [m2], shape (k,)."""
+        numbers, places = known
+        rows, last = np.empty(len(numbers), dtype=np.int64), self._last_solved if self._solved else -1
+        values, tree = self._graph.values, self._elimination.tree
+        found: Array = near_points(
+            here, reach_m, numbers, places, self.known_points.rows, last, values, *tree, rows
+        )
+        return rows[: len(found)], found
+
+    def spread(self, numbers: NDArray[np.int64], at: Array) -> Array:
         """How unsure these points are, seen from the last scan: covariance of x y, shape (n, 2, 2), map frame, [m2].
 
         Args:
             numbers: of the points, all of them known when it was last solved, shape (n,).
             at: where they are, shape (n, 2), map frame, [m].
         """
-        if not self._solved:
-            return np.zeros((len(numbers), 2, 2))
-        last, named = self._last_solved, numbers.tolist()
-        once = np.array([number in self._once for number in named])
-        variable = np.array([self._once[n][0] if n in self._once else self._numbers[n] for n in named])
-        by = np.zeros((len(named), 4, 2))
-        by[:, 0, 0] = by[:, 1, 1] = 1.0
-        by_last = -by
-        by[:, 2, 0], by[:, 2, 1] = once * self._lever(variable, at)
-        by_last[:, 2, 0], by_last[:, 2, 1] = -self._lever(last, at)
-        return self._elimination.covariances(variable, by, last, by_last)
-
-    def _lever(self, variable: NDArray[np.intp] | int, at: Array) -> Array:
-        """How places x y, shape (n, 2), that turn about a variable, or one each, move, shape (2, n), [m/rad]."""
-        x, y = (at - self._graph.values[variable, :2]).T
-        return np.array([-y, x])
+        out = np.zeros((len(numbers), 2, 2))
+        if self._solved:
+            rows = self.known_points.rows[numbers]
+            variables, bound = np.ascontiguousarray(rows[:, VARIABLE]), rows[:, STATE] == BOUND
+            values, tree = self._graph.values, self._elimination.tree
+            point_covariances(variables, bound, at, self._last_solved, values, *tree, out)
+        return out
 
     @property
     def _last_solved(self) -> int:
@@ -342,16 +353,3 @@ class Smoother:
         _, _, heading, own = self._graph.values[self._scans[sighting.scan]].tolist()
         error = float(self._graph.values[CONSTANTS, 0]) + own
         return float(heading + sighting.bearing_rad + sighting.sweep_rad * error)
-
-    def _places(self, heard: Sequence[tuple[int, Sighting]]) -> Array:
-        """Where points are by one scan each, x y, shape (n, 2), [m]."""
-        rows = [(scan, *sighting.as_row()[2:]) for scan, sighting in heard]
-        scan, bearing, sweep, range_m, _, radius = np.array(rows).reshape(-1, 6).T
-        at = self._graph.values[scan.astype(np.intp)]
-        turn_error, _, scale = self._graph.values[CONSTANTS, :3].tolist()
-        angle = at[:, 2] + bearing + sweep * (turn_error + at[:, 3])
-        depth = range_m * (1.0 + scale) + radius
-        out: Array = at[:, :2].copy()
-        out[:, 0] += depth * np.cos(angle)
-        out[:, 1] += depth * np.sin(angle)
-        return out

@@ -7,15 +7,15 @@ When it moves past an edge, a corner or a thin column, the foot stays and the no
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.geometry import Pose
+from sonar_explore.geometry import Pose, Segment
 from sonar_explore.slam.association import Association
-from sonar_explore.slam.chains import ChainMap, Link
+from sonar_explore.slam.chains import ChainMap
 from sonar_explore.slam.features import Feature
 
 
@@ -36,7 +36,7 @@ def follows_the_wall(
     features: Sequence[Feature],
     associations: Sequence[Association],
     chains: ChainMap,
-    scan_poses: Sequence[Pose],
+    pose_of_scan: Callable[[int], Pose],
     config: TurningConfig,
 ) -> NDArray[np.bool_]:
     """Which associations may be of one wall seen twice, shape (n,)."""
@@ -44,17 +44,18 @@ def follows_the_wall(
         return np.ones(len(associations), dtype=bool)
     verdicts = []
     for a in associations:
-        link = chains[a.chain].links[a.link]
-        verdicts.append(_follows(pose_robot_in_map, features[a.feature], link, scan_poses[link.scan], config))
+        row = chains.row(a.chain, a.link)
+        link, scan = Segment(*chains.segments[row].tolist()), int(chains.scan_indices[row])
+        verdicts.append(_follows(pose_robot_in_map, features[a.feature], link, pose_of_scan(scan), config))
     return np.array(verdicts, dtype=bool)
 
 
-def _follows(pose: Pose, feature: Feature, link: Link, link_pose: Pose, config: TurningConfig) -> bool:
-    along_x, along_y = math.cos(link.segment.direction), math.sin(link.segment.direction)
+def _follows(pose: Pose, feature: Feature, link: Segment, link_pose: Pose, config: TurningConfig) -> bool:
+    along_x, along_y = math.cos(link.direction), math.sin(link.direction)
     robot = (pose.x - link_pose.x) * along_x + (pose.y - link_pose.y) * along_y
     if abs(robot) < config.moved_m:
         return True
-    x, y = link.segment.midpoint
+    x, y = link.midpoint
     bearing = pose.heading + feature.bearing_rad
     foot_x = pose.x + feature.range_m * math.cos(bearing)
     foot_y = pose.y + feature.range_m * math.sin(bearing)

@@ -54,22 +54,35 @@ def test_a_first_scan_that_hears_nothing_leaves_the_next_one_first():
 
 
 @settings(max_examples=50, deadline=None)
-@given(st.lists(st.tuples(st.sampled_from("rlm"), st.integers(0, 50), st.integers(0, 50)), max_size=60))
+@given(st.lists(st.tuples(st.sampled_from("rlmpc"), st.integers(0, 50), st.integers(0, 50)), max_size=60))
 def test_the_stack_and_the_chains_say_the_same_and_ids_are_never_used_again(actions):
-    chains, seen = ChainMap(), set()
+    chains, seen, ids, poses = ChainMap(), set(), list[int](), dict[int, Pose]()
     for step, (action, i, j) in enumerate(actions):
-        ids = [c.id for c in chains.chains]
         if action == "r" or not ids:
-            new = chains.add_root(link(step), 0.5)
+            new = chains.add_root(link(scan=step), 0.5)
             assert new not in seen
             seen.add(new)
+            ids.append(new)
         elif action == "l":
-            chains.add_link(ids[i % len(ids)], link(step))
+            chains.add_link(ids[i % len(ids)], link(scan=step))
+        elif action == "p":  # a scan, and the one after it, move
+            moved = Pose(0.1 * j, -0.3, 0.05 * j)
+            poses |= {i: moved, i + 1: moved}
+            chains.place(np.array([i, i + 1]), np.array([moved.as_row()] * 2))
+        elif action == "c":  # somebody looks
+            assert chains[ids[i % len(ids)]].links
         elif ids[i % len(ids)] != ids[j % len(ids)]:
             chains.merge(ids[i % len(ids)], ids[j % len(ids)])
-    rows = zip(chains.segments, chains.chain_ids, chains.link_indices, strict=True)
-    for segment, chain_id, index in rows:
-        assert chains[int(chain_id)].links[index].segment.as_row() == pytest.approx(tuple(segment))
+            del ids[j % len(ids)]
+        poses.pop(step, None)  # what comes after its scan was placed is where it is said to be
+    assert [chain.id for chain in chains.chains] == ids
+    rows = zip(chains.segments, chains.chain_ids, chains.link_indices, chains.scan_indices, strict=True)
+    for k, (segment, chain_id, index, scan) in enumerate(rows):
+        found = chains[int(chain_id)].links[index]
+        assert (found.scan, chains.row(int(chain_id), index)) == (scan, k)
+        placed = found.feature.segment.transformed(poses.get(scan, Pose(0.0, 0.0, 0.0)))
+        assert found.segment.as_row() == pytest.approx(tuple(segment))
+        assert found.segment.as_row() == pytest.approx(placed.as_row())
     assert len(chains.segments) == sum(len(c.links) for c in chains.chains)
 
 
@@ -78,7 +91,7 @@ def test_links_can_be_placed_again_with_their_scans():
     chain = chains.add_root(link(scan=0), 1.0)
     chains.add_link(chain, link(scan=1))
     moved = Pose(0.3, -0.1, math.pi / 3)
-    chains.place({1: moved})
+    chains.place(np.array([1]), np.array([moved.as_row()]))
     expected = link().feature.segment.transformed(moved).as_row()
     assert chains[chain].links[1].segment.as_row() == pytest.approx(expected)
     assert chains.segments[1] == pytest.approx(np.array(expected))

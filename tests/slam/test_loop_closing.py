@@ -10,7 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sonar_explore.geometry import Pose
-from sonar_explore.slam.loop_closing import LoopConfig, _best, _fallen, _gate, closed, settles, visits
+from sonar_explore.slam.known_points import FIRST, KIND, LAST
+from sonar_explore.slam.loop_closing import (
+    LoopConfig,
+    _best,
+    _fallen,
+    _gate,
+    closed,
+    may_close,
+    settles,
+    visits,
+)
 from sonar_explore.slam.motion import MotionSum, RandomWalk
 from sonar_explore.slam.sighting import Sighting
 from sonar_explore.slam.smoothing import Smoother, SmoothingConfig
@@ -250,6 +260,42 @@ def test_a_loop_over_metres_settles_where_its_points_are_the_same_and_only_there
     for k in range(6):
         out.merge_points(k, k + 100)
     assert not settles(out, worst)
+
+
+def may_close_plainly(out, config):
+    """Visit by visit, step by step."""
+    numbers, places = out.points()
+    first, last = out.known_points.rows[numbers][:, [FIRST, LAST]].T
+    kinds, now = out.known_points.rows[numbers, KIND], len(out.poses) - 1
+    recent = np.flatnonzero(first > now - config.recent)
+    for old in visits(places, last, recent, now, config):
+        near, about = kinds[recent][:, None] == kinds[old][None], out.poses[-1, :2]
+        prior = out.drift(int(np.median(last[old])))
+        reach = config.together_m**2, config.gate, config.reach_m
+        _gate(places[recent] - about, places[old] - about, prior, *reach, near)
+        if min(near.any(axis=1).sum(), near.any(axis=0).sum()) >= config.least:
+            return True
+    return False
+
+
+def test_what_may_close_is_what_the_steps_one_by_one_would_let_through():
+    rng, said = np.random.default_rng(0), []
+    for seed in range(3):
+        out, _ = long_way_round(seed)
+        out.known_points.rows[:, KIND] = rng.integers(0, 2, out.known_points.count)
+        out.known_points.rows[:3, LAST] = 2  # two visits, or one, by how long ago is of late
+        for _ in range(40):
+            config = LoopConfig(
+                recent=int(rng.choice([1, 3, 20, 40])),
+                least=int(rng.integers(1, 6)),
+                together_m=rng.choice([0.01, 0.08, 0.3]),
+                reach_m=rng.choice([0.5, 1.5, 3.0, 6.0]),
+                gate=rng.choice([0.1, 1.0, 16.0]),
+            )
+            numbers, places = out.points()
+            said.append(may_close(out, numbers, places, config))
+            assert said[-1] == may_close_plainly(out, config)
+    assert 20 < sum(said) < 100
 
 
 def test_a_loop_over_metres_is_not_where_one_solution_leaves_it():

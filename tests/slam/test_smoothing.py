@@ -320,6 +320,21 @@ def test_the_spread_of_a_point_is_that_of_what_many_noisy_drives_say(number):
     assert np.sqrt(np.diag(np.mean(said, axis=0))) == pytest.approx(np.sqrt(np.diag(found)), rel=0.2)
 
 
+def test_points_in_reach_are_found_with_how_unsure_they_are_and_no_others():
+    out = all_pillars_heard()
+    x, y = out.poses[2, :2]
+    out.add_point(Sighting(2, 99, 0.4, 0.0, 1.0))
+    out.solve()
+    for here in ([[x, y]], [[x + 1.0, y], [3.0, 1.0]], [[20.0, 0.0]]):
+        numbers, places = out.points()
+        rows, variance = out.near(np.array(here), 1.1, (numbers, places))
+        away = np.hypot(*(places[:, None] - np.array(here)[None]).transpose(2, 0, 1)).min(axis=1)
+        assert rows.tolist() == np.flatnonzero(away <= 1.1).tolist()
+        spread = out.spread(numbers[rows], places[rows])
+        np.testing.assert_allclose(variance, 0.5 * np.trace(spread, axis1=1, axis2=2))
+    assert numbers.tolist() == [10, 11, 12, 13, 99]
+
+
 def test_a_planted_false_merge_does_not_fold_the_map():
     poses, motions = loop()
 

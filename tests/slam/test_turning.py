@@ -24,7 +24,7 @@ def verdict(poses, features, config=ON):
     chains = ChainMap()
     chains.add_root(Link(features[0].segment.transformed(first), 0, 0, features[0]), 1.0)
     (out,) = follows_the_wall(
-        second, [features[1]], [Association(0, 0, 0, 0.0, 0.0, 0.0)], chains, [first], config
+        second, [features[1]], [Association(0, 0, 0, 0.0, 0.0, 0.0)], chains, lambda _: first, config
     )
     return out
 
@@ -57,5 +57,5 @@ def test_the_paper_believes_every_association():
 
 
 def test_nothing_associated_nothing_judged():
-    out = follows_the_wall(Pose(0, 0, 0), [], [], ChainMap(), [], ON)
+    out = follows_the_wall(Pose(0, 0, 0), [], [], ChainMap(), lambda _: Pose(0, 0, 0), ON)
     assert out.shape == (0,) and out.dtype == np.bool_
