@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 from sonar_explore.checks import check_numbers
@@ -10,7 +11,7 @@ from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.agreement import AgreementConfig
-from sonar_explore.slam.association import Association, AssociationConfig
+from sonar_explore.slam.association import AssociationConfig
 from sonar_explore.slam.chains import ChainMap
 from sonar_explore.slam.dual import Merge
 from sonar_explore.slam.features import Feature, FeatureConfig
@@ -23,7 +24,9 @@ from sonar_explore.slam.particles import ParticleConfig
 from sonar_explore.slam.point_matching import MatchingConfig
 from sonar_explore.slam.probability import ProbabilityConfig
 from sonar_explore.slam.reference import ReferenceConfig
+from sonar_explore.slam.residuals import Residuals
 from sonar_explore.slam.scan_matching import ScanMatchConfig
+from sonar_explore.slam.scored import ScoredAssociation, scored
 from sonar_explore.slam.smoothing import SmoothingConfig
 from sonar_explore.slam.turning import TurningConfig
 
@@ -76,27 +79,6 @@ class SlamConfig:
             raise SonarExploreError("slam.features.range_min_m must be less than range_max_m")
 
 
-@dataclass(frozen=True)
-class ScoredAssociation:
-    """One edge of the initial link graph and what became of it."""
-
-    association: Association
-    kept: bool
-    """In the final winner (section III.C)."""
-    adr_rad: float
-    """Signed angle from the feature to the root of the chain, before the correction, [rad]."""
-    ndr_m: float
-    """Signed normal distance to the root's line, before the correction, [m]."""
-    probability: float
-    """P(association), equation (2); 0 where not kept."""
-    w1: float
-    """P(root) of the chain."""
-    w2: float
-    """Half of P(association)."""
-    w3: float
-    """By distance from the robot (figure 11)."""
-
-
 @dataclass(frozen=True, eq=False)
 class ScanEntry:
     """One scan so far, at the pose now believed."""
@@ -118,16 +100,23 @@ class ScanUpdate:
     pose: Pose
     """After it."""
     features: tuple[Feature, ...]
-    associations: tuple[ScoredAssociation, ...]
-    """Every edge of the initial link graph."""
     link_graphs: LinkGraphs
     """The initial graph, the fits and the winner (figures 6 to 9)."""
+    residuals: Residuals
+    """Of every edge of the initial graph, before the correction."""
+    shapes: ProbabilityConfig
+    """Of the curves that its associations are scored by."""
     correction: Correction
     new_chains: tuple[int, ...]
     """Ids of the chains that this scan rooted."""
     merges: tuple[Merge, ...]
     dangling: tuple[int, ...]
     """Ids of the chains that dangle after this scan."""
+
+    @cached_property
+    def associations(self) -> tuple[ScoredAssociation, ...]:
+        """Every edge of the initial link graph, scored when somebody looks."""
+        return scored(self.link_graphs, self.residuals, self.shapes)
 
 
 class Slam(Protocol):

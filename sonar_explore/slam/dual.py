@@ -25,7 +25,10 @@ def merge_dual_associations(chains: ChainMap, kept: Sequence[Association]) -> tu
     Called after the correction. Nothing is moved: a loop's residual gap stays in the map.
     """
     merges: list[Merge] = []
-    for feature in sorted({association.feature for association in kept}):
+    features = {association.feature for association in kept}
+    if len(features) == len(kept):
+        return ()
+    for feature in sorted(features):
         claims = {surviving(a.chain, merges) for a in kept if a.feature == feature}
         if len(claims) == 1:
             continue

@@ -16,7 +16,7 @@ from sonar_explore.slam.base import ScanUpdate, SlamConfig
 from sonar_explore.slam.features import Feature
 from sonar_explore.slam.joint_filter import JointFilter
 from sonar_explore.slam.link_graph import LinkGraphs
-from sonar_explore.slam.localization import Correction, Weights
+from sonar_explore.slam.localization import Correction
 from sonar_explore.slam.reference import reference_line
 from sonar_explore.slam.residuals import Residuals
 from sonar_explore.slam.slam import ChainSlam
@@ -63,7 +63,7 @@ class JointSlam(ChainSlam):
         return self._filter.walls_believable(self._predicted, walls, [a.chain for a in associations])
 
     def _correct(
-        self, predicted: Pose, graphs: LinkGraphs, kept: Residuals, weights: Weights, sweeps: Array
+        self, predicted: Pose, features: Sequence[Feature], graphs: LinkGraphs, residuals: Residuals
     ) -> Correction:
         """By the walls of the final graph, each to one chain, and by the points.
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 from sonar_explore.compiled import kernel
 from sonar_explore.slam.association import Association
 from sonar_explore.slam.residuals import Residuals
-from sonar_explore.sums import total
+from sonar_explore.sums import dot, total
 
 ANGLE_MARGIN_RAD = math.radians(2.0)  # epsilon, section III.C
 DISTANCE_MARGIN_M = 0.05  # epsilon 2, section III.C
@@ -47,19 +49,27 @@ class LinkGraphs:
     """Row i: the edges kept when i's angle is fitted exactly (figure 7), shape (n, n)."""
     distance_fits: Edges
     """Row i: the edges kept when i's distance is fitted exactly (figure 8), shape (n, n)."""
-    angle_winners: tuple[int, ...]
-    """All rows of `angle_fits` with most edges."""
-    distance_winners: tuple[int, ...]
-    """All rows of `distance_fits` with most edges."""
+    most: Edges
+    """Which rows of `angle_fits`, and of `distance_fits`, have most edges, shape (2, n)."""
     pair: tuple[int, int] | None
     """The angle winner and the distance winner whose common edges are the final graph."""
     final: Edges
     """The final winner (figure 9), shape (n,)."""
 
     @property
+    def angle_winners(self) -> tuple[int, ...]:
+        """All rows of `angle_fits` with most edges."""
+        return tuple(np.flatnonzero(self.most[0]).tolist())
+
+    @property
+    def distance_winners(self) -> tuple[int, ...]:
+        """All rows of `distance_fits` with most edges."""
+        return tuple(np.flatnonzero(self.most[1]).tolist())
+
+    @cached_property
     def kept(self) -> tuple[Association, ...]:
         """The associations of the final link graph."""
-        return tuple(a for a, keep in zip(self.associations, self.final, strict=True) if keep)
+        return tuple(compress(self.associations, self.final.tolist()))
 
     def graph(self, edges: Edges | None = None) -> Any:
         """A `networkx.Graph` for pictures: nodes ("chain", id) above and ("feature", index) below.
@@ -83,17 +93,27 @@ def fit_link_graphs(
     associations: Sequence[Association], residuals: Residuals, config: LinkGraphConfig
 ) -> LinkGraphs:
     """Angle fit, distance fit, and the pair of winners with most edges in common."""
-    n = len(residuals.adr_rad)
-    misfits, fits, most = np.empty((2, n, n)), np.empty((2, n, n), dtype=bool), np.empty((2, n), dtype=bool)
-    pair, final = None, np.zeros(0, dtype=bool)
+    n = len(associations)
+    fits, most = np.empty((2, n, n), dtype=bool), np.empty((2, n), dtype=bool)
+    pair, final = None, np.empty(n, dtype=bool)
     if n:
-        facing = residuals.normals @ residuals.normals.T
-        _angle_misfit(residuals.adr_rad, config.angle_margin_rad, misfits[0])
-        _distance_misfit(residuals.ndr_m, facing, config.distance_margin_m, misfits[1])
-        pair = _best_pair(misfits, residuals.root_probability, fits, most)
-        final = fits[0, pair[0]] & fits[1, pair[1]]
-    winners = [tuple(np.flatnonzero(row).tolist()) for row in most]
-    return LinkGraphs(tuple(associations), fits[0], fits[1], winners[0], winners[1], pair, final)
+        margins = config.angle_margin_rad, config.distance_margin_m
+        found = residuals.adr_rad, residuals.ndr_m, residuals.normals, residuals.root_probability
+        pair = _fitted(*found, *margins, fits, most, final)
+    return LinkGraphs(tuple(associations), fits[0], fits[1], most, pair, final)
+
+
+@kernel
+def _fitted(adr, ndr, normals, root_probability, angle_margin, distance_margin, fits, most, final):  # type: ignore[no-untyped-def]
+    """Both fits, the rows with most edges, and the edges that the winning pair has in common; the pair."""
+    n = len(adr)
+    misfits = np.empty((2, n, n))
+    _angle_misfit(adr, angle_margin, misfits[0])
+    _distance_misfit(ndr, normals, distance_margin, misfits[1])
+    angle, distance = _best_pair(misfits, root_probability, fits, most)
+    for j in range(n):
+        final[j] = fits[0, angle, j] and fits[1, distance, j]
+    return angle, distance
 
 
 @kernel
@@ -108,13 +128,13 @@ def _angle_misfit(adr, margin, misfit):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _distance_misfit(ndr, facing, margin, misfit):  # type: ignore[no-untyped-def]
-    """|d_j - d_i facing_ij| / th2, row i fitted by the shift -d_i n_i; facing is n_i . n_j of all normals."""
+def _distance_misfit(ndr, normals, margin, misfit):  # type: ignore[no-untyped-def]
+    """|d_j - d_i n_i . n_j| / th2, row i fitted by the shift -d_i n_i, shape (n, n)."""
     n = len(ndr)
     threshold = total(np.abs(ndr)) / n + margin
     for i in range(n):
         for j in range(n):
-            misfit[i, j] = abs(ndr[j] - ndr[i] * facing[i, j]) / threshold
+            misfit[i, j] = abs(ndr[j] - ndr[i] * dot(normals[i], normals[j])) / threshold
 
 
 @kernel

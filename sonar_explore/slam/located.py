@@ -19,7 +19,7 @@ from sonar_explore.slam.agreement import Extraction
 from sonar_explore.slam.base import ScanEntry, ScanUpdate, SlamConfig
 from sonar_explore.slam.features import Feature
 from sonar_explore.slam.link_graph import LinkGraphs
-from sonar_explore.slam.localization import Correction, Weights
+from sonar_explore.slam.localization import Correction
 from sonar_explore.slam.residuals import Residuals
 from sonar_explore.slam.slam import ChainSlam
 
@@ -64,7 +64,7 @@ class LocatedSlam(ChainSlam, ABC):
         return self.pose, features
 
     def _correct(
-        self, predicted: Pose, graphs: LinkGraphs, kept: Residuals, weights: Weights, sweeps: Array
+        self, predicted: Pose, features: Sequence[Feature], graphs: LinkGraphs, residuals: Residuals
     ) -> Correction:
         return Correction()
 

@@ -15,18 +15,19 @@ from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.agreement import Extraction, extract
 from sonar_explore.slam.association import Association, associate
-from sonar_explore.slam.base import ScanEntry, ScanUpdate, ScoredAssociation, SlamConfig
+from sonar_explore.slam.base import ScanEntry, ScanUpdate, SlamConfig
 from sonar_explore.slam.chains import ChainMap, Link
 from sonar_explore.slam.discs import TurnError
 from sonar_explore.slam.dual import Merge, merge_dual_associations, surviving
 from sonar_explore.slam.features import Feature, FeatureKind
 from sonar_explore.slam.link_graph import LinkGraphs, fit_link_graphs
-from sonar_explore.slam.localization import Correction, Weights, association_weights, localize
+from sonar_explore.slam.localization import Correction, localize
 from sonar_explore.slam.odometry_filter import OdometryFilter
 from sonar_explore.slam.points import Point
-from sonar_explore.slam.probability import RootCertainty, association_probabilities
+from sonar_explore.slam.probability import RootCertainty
 from sonar_explore.slam.reference import reference_line
 from sonar_explore.slam.residuals import Residuals, residuals_to_lines
+from sonar_explore.slam.scored import weighed
 from sonar_explore.slam.turning import follows_the_wall
 
 
@@ -104,25 +105,21 @@ class ChainSlam:
         associations = tuple(a for a, ok in zip(associations, believable, strict=True) if ok)
         residuals = residuals.only(believable)
         graphs = fit_link_graphs(associations, residuals, config.link_graph)
-        kept = residuals.only(graphs.final)
-        probability = np.zeros(len(associations))
-        probability[graphs.final] = association_probabilities(graphs.kept, kept.adr_rad, config.probability)
-        weights = association_weights(residuals, probability)
-        sweeps = np.array([features[a.feature].sweep_rad for a in graphs.kept])
-        correction = self._correct(predicted, graphs, kept, weights.only(graphs.final), sweeps)
+        correction = self._correct(predicted, features, graphs, residuals)
         self.pose = correction.applied_to(predicted)
         merges = merge_dual_associations(self.chains, graphs.kept)
         links = self._links(index, features)
         self._grow_chains(links, graphs.kept, merges)
-        new_chains = self._root_new_chains(links, graphs.kept, kept.root_probability)
+        new_chains = self._root_new_chains(links, graphs.kept, residuals.root_probability[graphs.final])
         self._entries.append(ScanEntry(self.pose, scan, features))
         return ScanUpdate(
             index=index,
             predicted_pose=predicted,
             pose=self.pose,
             features=features,
-            associations=_scored(graphs, residuals, probability, weights),
             link_graphs=graphs,
+            residuals=residuals,
+            shapes=config.probability,
             correction=correction,
             new_chains=new_chains,
             merges=merges,
@@ -168,18 +165,21 @@ class ChainSlam:
         return self.pose
 
     def _correct(
-        self, predicted: Pose, graphs: LinkGraphs, kept: Residuals, weights: Weights, sweeps: Array
+        self, predicted: Pose, features: Sequence[Feature], graphs: LinkGraphs, residuals: Residuals
     ) -> Correction:
         """III.F: nothing to correct by, or no consensus: no correction."""
         several, survivors = len(graphs.associations) > 1, len(graphs.kept)
         if several and survivors < self.config.localization.min_consensus:
             return Correction()
+        kept = residuals.only(graphs.final)
         if self.config.odometry.enabled:
+            sweeps = np.array([features[a.feature].sweep_rad for a in graphs.kept])
             corrected = self._filter.corrected(predicted, kept, sweeps)
             return Correction(
                 corrected.x - predicted.x, corrected.y - predicted.y, corrected.heading - predicted.heading
             )
-        return localize(kept, weights, self.config.localization)
+        _, weights = weighed(graphs, residuals, self.config.probability)
+        return localize(kept, weights.only(graphs.final), self.config.localization)
 
     def _links(self, index: int, features: Sequence[Feature]) -> dict[int, Link]:
         """The walls of this scan by feature index, placed by the corrected pose."""
@@ -223,7 +223,7 @@ class DeadReckoning(ChainSlam):
         return predicted, 0.0
 
     def _correct(
-        self, predicted: Pose, graphs: LinkGraphs, kept: Residuals, weights: Weights, sweeps: Array
+        self, predicted: Pose, features: Sequence[Feature], graphs: LinkGraphs, residuals: Residuals
     ) -> Correction:
         return Correction()
 
@@ -241,21 +241,3 @@ def turn_of(scan: Scan) -> float:
     """The full turn of a scan, signed, [rad]: one step more than from its first reading to its last."""
     reached = float(scan.headings_rad[np.argmax(np.abs(scan.headings_rad))])
     return reached + math.copysign(scan.step_rad, reached)
-
-
-def _scored(
-    graphs: LinkGraphs, residuals: Residuals, probability: Array, weights: Weights
-) -> tuple[ScoredAssociation, ...]:
-    return tuple(
-        ScoredAssociation(
-            association=association,
-            kept=bool(graphs.final[i]),
-            adr_rad=float(residuals.adr_rad[i]),
-            ndr_m=float(residuals.ndr_m[i]),
-            probability=float(probability[i]),
-            w1=float(weights.w1[i]),
-            w2=float(weights.w2[i]),
-            w3=float(weights.w3[i]),
-        )
-        for i, association in enumerate(graphs.associations)
-    )

@@ -92,11 +92,7 @@ class SmoothedSlam(ChainSlam):
 
     def _seen(self, update: ScanUpdate) -> list[tuple[int, int]]:
         """(feature, chain) of this scan: the links of the final graph and the new roots."""
-        kept = {
-            (a.association.feature, surviving(a.association.chain, update.merges))
-            for a in update.associations
-            if a.kept
-        }
+        kept = {(a.feature, surviving(a.chain, update.merges)) for a in update.link_graphs.kept}
         roots = {(self.chains[chain].root.feature_index, chain) for chain in update.new_chains}
         return sorted(kept | roots)
 
