@@ -21,30 +21,20 @@ from numpy.typing import NDArray
 from sonar_explore.geometry import Array, Pose, Segment
 from sonar_explore.slam.discs import TurnError
 from sonar_explore.slam.features import Feature
-from sonar_explore.slam.kalman import OWN, SIZE, TURN, X, Y
-from sonar_explore.slam.landmarks import (
-    BASE,
-    BEARING_VARIANCE,
-    CHAIN,
-    ENTRIES,
-    FIRST,
-    KIND,
-    LAST,
-    LINE,
-    RADIUS,
-    RANGE_VARIANCE,
-    SCALE,
-    SECOND,
-    SLOT,
-    TIMES,
-    best_pairs,
-    candidates,
-    learned,
-    looked,
-    observed,
-    same_line,
-    squared,
+from sonar_explore.slam.joint_steps import (
+    added,
+    dropped,
+    last_stale,
+    new_turn,
+    points_added,
+    points_learned,
+    settled,
+    turn_learned,
+    wall_added,
+    walls_learned,
+    walls_off,
 )
+from sonar_explore.slam.landmarks import BASE, CHAIN, LAST, LINE, SCALE
 from sonar_explore.slam.odometry_filter import FilterConfig, OdometryFilter
 from sonar_explore.slam.points import Point
 
@@ -105,6 +95,9 @@ class JointFilter(OdometryFilter):
         self._full[SCALE, SCALE] = config.range_scale**2
         self._slots: dict[int, int] = {}
         """The row among the landmarks of each chain."""
+        self._huber = config.huber_sigmas**2
+        self._gate = -2.0 * math.log(1.0 - config.gate_share)  # chi-squared, two degrees
+        self._same_noise = np.array([config.same_rad**2, config.same_m**2])
 
     @property
     def landmarks(self) -> Array:
@@ -114,30 +107,35 @@ class JointFilter(OdometryFilter):
     @property
     def full_covariance(self) -> Array:
         """Of pose, wheels and own turn, the scale of ranges, and two numbers of each landmark, shape (n, n)."""
-        n = BASE + 2 * self._count
-        full = self._full[:n, :n]
-        full[:SIZE, :SIZE] = self.covariance
-        if self._has_moved:
-            full[:SIZE, SIZE:] = self._transition @ full[:SIZE, SIZE:]
-            full[SIZE:, :SIZE] = full[:SIZE, SIZE:].T
-            self._transition, self._has_moved = np.eye(SIZE), False
-        return full
+        n = settled(self.landmarks, *self._unsettled)
+        return self._full[:n, :n]
+
+    @property
+    def _unsettled(self) -> tuple[Array, Array, Array]:
+        """The covariance as the steps take it."""
+        return self._full, self.covariance, self._transition
+
+    def _state(self, pose: Pose) -> Array:
+        """The pose, and what is believed of wheels, turn and ranges, as the steps take it, shape (7,)."""
+        wheels = self.turn_error, self.bend_rad_m, self.own_error
+        return np.array([pose.x, pose.y, pose.heading, *wheels, self.range_scale])
+
+    def _believe(self, state: Array) -> Pose:
+        """Take what a step made of it; the pose."""
+        x, y, heading, self.turn_error, self.bend_rad_m, self.own_error, self.range_scale = state.tolist()
+        return Pose(x, y, heading)
 
     def begin_scan(self, turn_rad: float) -> None:
         """A new turn, with an error of its own that has nothing to do with anything before it."""
         super().begin_scan(turn_rad)
-        full = self.full_covariance
-        full[OWN, SIZE:] = full[SIZE:, OWN] = 0.0
+        new_turn(self.landmarks, *self._unsettled)
 
     def heard_turn(self, pose: Pose, turn: TurnError) -> tuple[Pose, float]:
         """Learn from what the discs say of the turn."""
-        columns, values = np.zeros((1, ENTRIES), dtype=np.intp), np.zeros((1, ENTRIES))
-        columns[0, :2], values[0, :2] = (TURN, OWN), 1.0
-        before = self.turn_error
+        before, state = self.turn_error, self._state(pose)
         self._spread()
-        off, sure = np.array([turn.relative]), np.array([turn.sigma**2])
-        pose = self._corrected(pose, *self._observed(columns, values), off, sure)
-        return pose, self.turn_error - before + self.own_error
+        turn_learned(state, self.landmarks, *self._unsettled, turn.relative, turn.sigma**2, self._huber)
+        return self._believe(state), self.turn_error - before + self.own_error
 
     def line(self, chain: int, near: tuple[float, float]) -> Segment | None:
         """A piece of the line of a chain beside this place, x y [m]; None for a chain that is not kept here."""
@@ -157,8 +155,8 @@ class JointFilter(OdometryFilter):
         off = np.empty(len(walls))
         if len(walls):
             self._spread()
-            columns, values, innovation, noise = self._looked(pose, self._walls(walls, chains))
-            squared(self._observed(columns, values)[1], innovation, noise, off)
+            heard = self._walls(walls, chains)
+            walls_off(self._state(pose), self.landmarks, *self._unsettled, heard, off)
         return np.asarray(off <= self._gate)
 
     def by_walls(
@@ -173,56 +171,49 @@ class JointFilter(OdometryFilter):
         if not len(walls):
             return pose
         self._spread()
-        parts = [self._looked(pose, self._walls(walls, chains))]
-        for one, other in same:
-            first, second = self._slots[one], self._slots[other]
-            columns, values, off = np.empty((2, ENTRIES), dtype=np.intp), np.empty((2, ENTRIES)), np.empty(2)
-            same_line(self._marks[first], self._marks[second], first, second, columns, values, off)
-            noise = np.array([self.joint.same_rad**2, self.joint.same_m**2])
-            parts.append((columns, values, off, noise))
-        for chain in chains:
-            self._marks[self._slots[chain], LAST] = scan
-        columns, values, innovation, noise = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return self._corrected(pose, *self._observed(columns, values), innovation, noise)
+        state, heard = self._state(pose), self._walls(walls, chains)
+        lines = np.array([(self._slots[a], self._slots[b]) for a, b in same], dtype=np.int64).reshape(-1, 2)
+        told = heard, lines, self._same_noise
+        walls_learned(state, self.landmarks, *self._unsettled, *told, self._huber, scan)
+        return self._believe(state)
 
     def by_points(self, pose: Pose, points: Sequence[Point], scan: int) -> Pose:
         """The pose after the points of a scan that are known; the others are known from now on."""
         if not points:
             return pose
         self._spread()
-        new = np.ones(len(points), dtype=bool)
-        pairs, across, expected, innovation, noise = self._near(pose, points)
-        if len(pairs):
-            chosen, unmatched = np.empty(len(pairs), dtype=bool), self.joint.unmatched
-            best_pairs(expected + np.diag(noise), innovation, pairs, unmatched, MOST_STEPS, chosen)
-            rows = np.flatnonzero(np.repeat(chosen, 2))
-            if len(rows):
-                inside = expected[np.ix_(rows, rows)]
-                pose = self._corrected(pose, across[rows], inside, innovation[rows], noise[rows])
-                new[pairs[chosen, 0]] = False
-                self._marks[pairs[chosen, 1], TIMES] += 1
-                self._marks[pairs[chosen, 1], LAST] = scan
-        for point in (point for point, is_new in zip(points, new, strict=True) if is_new):
-            self._add_point(pose, point, scan)
-        return pose
+        state, heard, joint = self._state(pose), self._points(points), self.joint
+        kinds, met = (
+            np.array([point.kind for point in points], dtype=float),
+            np.empty(len(points), dtype=bool),
+        )
+        limits = joint.reach_m, self._gate, joint.unmatched, MOST_STEPS, self._huber
+        points_learned(state, self.landmarks, *self._unsettled, heard, kinds, *limits, scan, met)
+        self._make_room(len(points))
+        self._count = points_added(state, self._marks, self._count, *self._unsettled, heard, kinds, met, scan)
+        return self._believe(state)
 
     def add_wall(self, chain: int, pose: Pose, wall: Feature, scan: int) -> None:
         """The line of a chain that this wall roots, heard from this pose."""
-        depth = wall.range_m * (1.0 + self.range_scale)
-        angle = pose.heading + wall.bearing_rad
-        c, s = math.cos(angle), math.sin(angle)
-        by_state = np.zeros((2, BASE))
-        by_state[0, 2], by_state[0, TURN], by_state[0, OWN] = 1.0, wall.sweep_rad, wall.sweep_rad
-        by_state[1, X], by_state[1, Y], by_state[1, SCALE] = c, s, wall.range_m
-        noise = np.diag([self._bearing_of(wall), self.joint.range_m**2])
-        mark = angle, 0.0, pose.x + depth * c, pose.y + depth * s, LINE, chain, 1, scan
-        self._add(mark, by_state, noise)
+        self._spread()
+        self._make_room(1)
+        self._slots[chain] = self._count
+        (heard,) = self._walls([wall], [chain])
+        wall_added(
+            self._state(pose), self._marks, self._count, *self._unsettled, heard, float(chain), float(scan)
+        )
+        self._count += 1
 
     def adopt(self, chain: int, line: Segment, scan: int) -> None:
         """A chain that was not kept here: its line is taken to be known apart from everything else."""
         angle = line.direction + math.pi / 2
         noise = np.diag([self.joint.bearing_rad**2, self.config.normal_m**2])
-        self._add((angle, 0.0, *line.midpoint, LINE, chain, 1, scan), np.zeros((2, BASE)), noise)
+        self._spread()
+        self._make_room(1)
+        added(self._full, settled(self.landmarks, *self._unsettled), np.zeros((2, BASE)), noise)
+        self._slots[chain] = self._count
+        self._marks[self._count] = angle, 0.0, *line.midpoint, LINE, chain, 1, scan
+        self._count += 1
 
     def drop_wall(self, chain: int) -> None:
         """A chain that is no more."""
@@ -231,16 +222,10 @@ class JointFilter(OdometryFilter):
 
     def forget(self, scan: int) -> None:
         """Points that were heard once, some time ago; and, where there are too many, what was not heard for longest."""
-        marks = self.landmarks
-        once = (marks[:, KIND] != LINE) & (marks[:, TIMES] < 2)
-        for slot in np.flatnonzero(once & (marks[:, LAST] <= scan - self.joint.forget_scans))[::-1]:
-            self._drop(int(slot))
+        while (slot := last_stale(self.landmarks, scan - self.joint.forget_scans)) >= 0:
+            self._drop(slot)
         while self._count > self.joint.most_landmarks:
             self._drop(int(np.argmin(self.landmarks[:, LAST])))
-
-    @property
-    def _gate(self) -> float:
-        return -2.0 * math.log(1.0 - self.joint.gate_share)  # chi-squared, two degrees
 
     def _bearing_of(self, wall: Feature) -> float:
         return self.joint.bearing_rad**2 / wall.discs + self.joint.bearing_least_rad**2
@@ -259,113 +244,27 @@ class JointFilter(OdometryFilter):
         """As rows of what was heard, of no landmark yet."""
         bearing, spread = self.joint.point_bearing_rad**2, self.joint.point_range_m**2
         share = self.joint.radius_share
-        rows = [
-            (
-                0,
-                p.bearing_rad,
-                p.range_m,
-                p.sweep_rad,
-                bearing,
-                spread + (share * p.radius_m) ** 2,
-                p.radius_m,
-            )
-            for p in points
-        ]
-        return np.array(rows).reshape(-1, RADIUS + 1)
-
-    def _near(
-        self, pose: Pose, points: Sequence[Point]
-    ) -> tuple[NDArray[np.intp], Array, Array, Array, Array]:
-        """Points of a scan and the landmarks that each may be, by the point, shape (k, 2), and what each says: H P and
-        H P H', innovation and noise, two rows each."""
-        here = np.array([point.seen_from(pose) for point in points]).reshape(-1, 2)
-        kinds = np.array([float(point.kind) for point in points])
-        pairs = np.empty((len(points) * self._count, 2), dtype=np.intp)
-        pairs = pairs[: candidates(here, kinds, self.landmarks, self.joint.reach_m, pairs)]
-        heard = self._points([points[i] for i in pairs[:, 0]])
-        heard[:, SLOT] = pairs[:, 1]
-        columns, values, innovation, noise = self._looked(pose, heard)
-        across, expected = self._observed(columns, values)
-        off = np.empty(len(pairs))
-        squared(expected, innovation, noise, off)
-        near = off <= self._gate
-        rows = np.flatnonzero(np.repeat(near, 2))
-        return pairs[near], across[rows], expected[np.ix_(rows, rows)], innovation[rows], noise[rows]
-
-    def _looked(self, pose: Pose, heard: Array) -> tuple[NDArray[np.intp], Array, Array, Array]:
-        """Jacobian, innovation and noise of what was heard, two rows each."""
-        m = 2 * len(heard)
-        columns, values, innovation = (
-            np.empty((m, ENTRIES), dtype=np.intp),
-            np.empty((m, ENTRIES)),
-            np.empty(m),
+        return np.array(
+            [
+                (0.0, p.bearing_rad, p.range_m, p.sweep_rad, bearing, spread + (share * r) ** 2, r)
+                for p in points
+                for r in (p.radius_m,)
+            ]
         )
-        place = np.array([pose.x, pose.y, pose.heading])
-        looked(place, self.range_scale, self._marks, heard, columns, values, innovation)
-        return columns, values, innovation, heard[:, BEARING_VARIANCE : RANGE_VARIANCE + 1].ravel()
 
-    def _observed(self, columns: NDArray[np.intp], values: Array) -> tuple[Array, Array]:
-        """H P and H P H'."""
-        m, n = len(columns), len(self.full_covariance)
-        across, expected = np.empty((m, n)), np.empty((m, m))
-        observed(self._full, columns, values, across, expected)
-        return across, expected
-
-    def _corrected(self, pose: Pose, across: Array, expected: Array, innovation: Array, noise: Array) -> Pose:
-        """One update of everything, with Huber's loss over bearing and range together; the pose after it."""
-        change = np.empty(across.shape[1])
-        learned(self._full, across, expected, innovation, noise, self.joint.huber_sigmas**2, change)
-        self.covariance = self._full[:SIZE, :SIZE].copy()
-        x, y, heading, turn_error, bend_rad_m, own_error, scale = change[:BASE].tolist()
-        self.turn_error += turn_error
-        self.bend_rad_m += bend_rad_m
-        self.own_error += own_error
-        self.range_scale += scale
-        self.landmarks[:, FIRST : SECOND + 1] += change[BASE:].reshape(-1, 2)
-        return Pose(pose.x + x, pose.y + y, pose.heading + heading)
-
-    def _add_point(self, pose: Pose, point: Point, scan: int) -> None:
-        depth = point.range_m * (1.0 + self.range_scale) + point.radius_m
-        angle = pose.heading + point.bearing_rad
-        c, s = math.cos(angle), math.sin(angle)
-        by_bearing, by_range = np.array([-depth * s, depth * c]), np.array([c, s])
-        by_state = np.zeros((2, BASE))
-        by_state[0, X] = by_state[1, Y] = 1.0
-        by_state[:, 2] = by_bearing
-        by_state[:, TURN] = by_state[:, OWN] = point.sweep_rad * by_bearing
-        by_state[:, SCALE] = point.range_m * by_range
-        heard = self._points([point])[0]
-        noise = heard[BEARING_VARIANCE] * np.outer(by_bearing, by_bearing)
-        noise += heard[RANGE_VARIANCE] * np.outer(by_range, by_range)
-        mark = pose.x + depth * c, pose.y + depth * s, 0.0, 0.0, float(point.kind), -1, 1, scan
-        self._add(mark, by_state, noise)
-
-    def _add(self, mark: Sequence[float], by_state: Array, noise: Array) -> None:
-        """A landmark whose two numbers depend on the first unknowns in this way, with this noise."""
-        self._spread()
-        if self._count == len(self._marks):
+    def _make_room(self, more: int) -> None:
+        """For so many landmarks more."""
+        while self._count + more > len(self._marks):
             self._marks = np.concatenate([self._marks, np.empty_like(self._marks)])
             wider = np.zeros((BASE + 2 * len(self._marks),) * 2)
             wider[: len(self._full), : len(self._full)] = self._full
             self._full = wider
-        full = self.full_covariance
-        n, across = len(full), by_state @ full[:BASE]
-        self._full[n : n + 2, :n], self._full[:n, n : n + 2] = across, across.T
-        self._full[n : n + 2, n : n + 2] = across[:, :BASE] @ by_state.T + noise
-        self._marks[self._count] = mark
-        if mark[KIND] == LINE:
-            self._slots[int(mark[CHAIN])] = self._count
-        self._count += 1
 
     def _drop(self, slot: int) -> None:
         """Without a landmark; the last one takes its row."""
-        full, last = self.full_covariance, self._count - 1
-        chain, moved = int(self._marks[slot, CHAIN]), int(self._marks[last, CHAIN])
-        here, there = BASE + 2 * slot, BASE + 2 * last
-        full[here : here + 2] = full[there : there + 2]
-        full[:, here : here + 2] = full[:, there : there + 2]
-        self._marks[slot] = self._marks[last]
+        chain, moved = int(self._marks[slot, CHAIN]), int(self._marks[self._count - 1, CHAIN])
+        dropped(self.landmarks, *self._unsettled, slot)
         if moved >= 0:
             self._slots[moved] = slot
         self._slots.pop(chain, None)
-        self._count = last
+        self._count -= 1

@@ -155,14 +155,16 @@ def learned(covariance, across, expected, innovation, noise, huber, change):  # 
         change[j] = 0.0
         for i in range(m):
             change[j] += across[i, j] * innovation[i]
+    for i in range(
+        n
+    ):  # by rounding, the unknowns of one landmark, or of the pose and wheels, may differ about the
+        for j in range(max(0, i - BASE), i):  # diagonal
+            covariance[j, i] = covariance[i, j]
     for i in range(n):
         for k in range(m):
             value = across[k, i]
-            for j in range(i + 1):
+            for j in range(n):
                 covariance[i, j] -= value * across[k, j]
-    for i in range(n):
-        for j in range(i):
-            covariance[j, i] = covariance[i, j]
 
 
 @kernel

@@ -86,8 +86,6 @@ class OdometryFilter:
         self._walk = np.array([config.distance_m, config.turn_rad, config.drift_rad]) ** 2
         self._transition = np.eye(SIZE)
         """What motions made of an error of the state, for who keeps what correlates with it."""
-        self._has_moved = False
-        """Whether that is anything but the error itself."""
         self.covariance: Array = np.diag([0.0, 0.0, 0.0, config.turn_error**2, config.bend_rad_m**2, 0.0])
         """Of x, y [m], heading [rad], turn error, bend [rad/m] and own turn error, shape (6, 6)."""
 
@@ -243,7 +241,6 @@ class OdometryFilter:
     def _spread_by(self, bits: Array) -> None:
         if len(bits):
             spread(self.covariance, self._transition, bits, self._walk)
-            self._has_moved = True
 
 
 @lean_kernel
