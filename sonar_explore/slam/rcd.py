@@ -17,6 +17,7 @@ from sonar_explore.geometry import Array
 from sonar_explore.measurement import Scan
 
 LARGEST_GAP_STEPS = 2.0  # headings farther apart than this many usual steps do not follow one another
+FAR_M = 1e9  # nothing is as far apart
 SLACK_M = 1e-9  # ranges that are alike but for rounding
 TIE_DECIMALS = 9  # spreads equal to a nanometre are a tie: the choice must not hang on the last bit
 
@@ -202,9 +203,10 @@ def _depth(bearings, ranges, lever_m, lever_rad, start, length, k):  # type: ign
 @inner_kernel
 def _sorted_depths(bearings, ranges, lever_m, lever_rad, start, length, most, rising):  # type: ignore[no-untyped-def]
     """Depths of the readings of a run, rising, into `rising`; False where they are farther apart than `most`."""
+    reading = length - 1  # the last one first: it is the one that the run before this did not have
     for k in range(length):
-        # the last one first: it is the one that the run before this did not have
-        depth = _depth(bearings, ranges, lever_m, lever_rad, start, length, (k + length - 1) % length)
+        depth = _depth(bearings, ranges, lever_m, lever_rad, start, length, reading)
+        reading = k
         at = k
         while at > 0 and rising[at - 1] > depth:
             rising[at] = rising[at - 1]
@@ -222,50 +224,52 @@ def _middle(rising, length):  # type: ignore[no-untyped-def]
 
 @inner_kernel
 def _constant(bearings, ranges, lever_m, lever_rad, start, length, tolerance, tie, rising, run):  # type: ignore[no-untyped-def]
-    """Whether a run is constant; its start, spread and median into `run`, rounded, `tie` steps to the metre."""
+    """Whether a run is constant; its start, spread and median into `run`, these rounded, `tie` steps to the metre, and
+    the median as it is."""
     most = 2.0 * tolerance + SLACK_M
     if not _sorted_depths(bearings, ranges, lever_m, lever_rad, start, length, most, rising):
         return False
     median = _middle(rising, length)
     spread = max(median - rising[0], rising[length - 1] - median)
     run[0], run[1], run[2] = start, np.rint(spread * tie) / tie, np.rint(median * tie) / tie
+    run[3] = median
     return spread <= tolerance
 
 
-@kernel
-def _may_be_constant(bearings, ranges, lever_m, lever_rad, joined, tolerance, may):  # type: ignore[no-untyped-def]
-    """Which runs, by length and start, hang together and have ranges alike enough: the lengths that any has.
+@inner_kernel
+def _lengthened(bearings, ranges, length, together, lever, low, high, tolerance, starts):  # type: ignore[no-untyped-def]
+    """Lengthen the run from each start to this length: the starts of those that hang together and have ranges alike
+    enough into `starts`, how many, and whether one of them is constant for sure.
 
-    Of one disc, ranges may differ by twice the tolerance and what the lever makes of it over the run.
+    Ranges may differ by twice the tolerance and what the lever makes of it over the run: `lever` is that of the one
+    disc [m], how fast it changes at the middle of a run [m/rad], and how much it can change in all [m].
     """
-    n = len(ranges) // 2
-    together = np.empty(n, dtype=np.int64)  # readings from each start on that follow one another
-    follow = 1
-    for start in range(2 * n - 2, -1, -1):
-        follow = min(n, follow + 1) if joined[start] else 1
-        if start < n:
-            together[start] = follow
-    low, high = np.empty(n), np.empty(n)  # of the readings of each run
-    slope, longest, one_disc = abs(math.sin(lever_rad[0])), lever_m[0], True
-    for i in range(n):
-        low[i] = high[i] = ranges[i]
+    count, narrowest, last = 0, np.inf, length - 1
+    ahead, turned = ranges[last:], bearings[last:]
+    metres, slope, in_all = lever[0], lever[1], lever[2]
+    for start in range(len(low)):
+        low[start] = min(low[start], ahead[start])
+        high[start] = max(high[start], ahead[start])
+        width = turned[start] - bearings[start]
+        swing = min(in_all, metres * (slope + 0.5 * width) * width)
+        apart = high[start] - low[start]
+        may = together[start] >= length and apart <= 2.0 * tolerance + SLACK_M + swing
+        starts[count] = start
+        count += may
+        narrowest = min(narrowest, apart + swing if may else np.inf)
+    return count, narrowest <= tolerance - SLACK_M
+
+
+@inner_kernel
+def _levers(lever_m, lever_rad, lever):  # type: ignore[no-untyped-def]
+    """What `_lengthened` wants to know of the levers of a scan, of one disc or of several."""
+    longest, one_disc = lever_m[0], True
+    for i in range(len(lever_m)):
         longest = max(longest, lever_m[i])
         one_disc = one_disc and lever_m[i] == lever_m[0] and lever_rad[i] == lever_rad[0]
-    swing = 2.0 * longest
-    for length in range(2, n + 1):
-        some = False
-        for start in range(n):
-            last = start + length - 1
-            low[start], high[start] = min(low[start], ranges[last]), max(high[start], ranges[last])
-            if one_disc:
-                width = bearings[last] - bearings[start]
-                swing = lever_m[0] * (slope + 0.5 * width) * width
-            alike = high[start] - low[start] <= 2.0 * tolerance + SLACK_M + swing
-            may[length, start] = alike and together[start] >= length
-            some = some or may[length, start]
-        if not some:
-            return length - 1
-    return n
+    lever[0], lever[1], lever[2] = lever_m[0], abs(math.sin(lever_rad[0])), FAR_M
+    if not one_disc:
+        lever[0], lever[1], lever[2] = FAR_M, 1.0, 2.0 * longest
 
 
 @kernel
@@ -276,37 +280,46 @@ def _runs_longest_first(bearings, ranges, lever_m, lever_rad, joined, tolerance,
     the medians of their depths and of their ranges into `depths`.
     """
     n = len(ranges) // 2
-    may, taken = np.empty((n + 1, n), dtype=np.bool_), np.zeros(n, dtype=np.bool_)
-    found, rising = np.empty((n, 3)), np.empty(n)
-    longest = _may_be_constant(bearings, ranges, lever_m, lever_rad, joined, tolerance, may)
-    at = 0
-    for length in range(2, longest + 1):
-        some = False
-        for k in range(n):  # likely where the run before this one was
-            start = (at + k) % n
-            if may[length, start] and _constant(
+    starts, many = np.empty((n + 1, n + 1), dtype=np.int64), np.zeros(n + 1, dtype=np.int64)
+    low, high, together, lever = ranges[:n].copy(), ranges[:n].copy(), np.empty(n), np.empty(3)
+    taken, found, rising = np.zeros(n, dtype=np.bool_), np.empty((n, 4)), np.empty(n)
+    _levers(lever_m, lever_rad, lever)
+    follow = 1
+    for start in range(2 * n - 2, -1, -1):  # readings from each start on that follow one another
+        follow = min(n, follow + 1) if joined[start] else 1
+        if start < n:
+            together[start] = follow
+    longest, at = 1, 0
+    for length in range(2, n + 1):
+        many[length], some = _lengthened(
+            bearings, ranges, length, together, lever, low, high, tolerance, starts[length]
+        )
+        for k in range(many[length]):
+            if some:
+                break
+            start = starts[length, (at + k) % many[length]]
+            if _constant(
                 bearings, ranges, lever_m, lever_rad, start, length, tolerance, tie, rising, found[0]
             ):
-                some, at = True, start
-                break
+                some, at = True, k
         if not some:
-            longest = length - 1
             break
+        longest = length
     count = 0
     for length in range(longest, 1, -1):
         left = 0
-        for start in range(n):
+        for k in range(many[length]):
             # No run taken so far is shorter than this one, so an overlap must cover one of its ends.
-            if not may[length, start] or taken[start] or taken[(start + length - 1) % n]:
-                continue
-            left += _constant(
-                bearings, ranges, lever_m, lever_rad, start, length, tolerance, tie, rising, found[left]
-            )
+            start = starts[length, k]
+            if not (taken[start] or taken[_around(start + length - 1, n)]):
+                left += _constant(
+                    bearings, ranges, lever_m, lever_rad, start, length, tolerance, tie, rising, found[left]
+                )
         while True:
             best = -1
             for i in range(left):
                 start = int(found[i, 0])
-                if taken[start] or taken[(start + length - 1) % n]:
+                if taken[start] or taken[_around(start + length - 1, n)]:
                     continue
                 flatter = best < 0 or found[i, 1] < found[best, 1]
                 if flatter or (found[i, 1] == found[best, 1] and found[i, 2] < found[best, 2]):
@@ -315,17 +328,27 @@ def _runs_longest_first(bearings, ranges, lever_m, lever_rad, joined, tolerance,
                 break
             start = int(found[best, 0])
             for k in range(length):
-                taken[(start + k) % n] = True
+                taken[_around(start + k, n)] = True
             runs[count, 0], runs[count, 1] = start, length
-            _sorted_depths(bearings, ranges, lever_m, lever_rad, start, length, np.inf, rising)
-            depths[count, 0] = _middle(rising, length)
-            for k in range(length):
-                echo = ranges[start + k]
-                at = k
-                while at > 0 and rising[at - 1] > echo:
-                    rising[at] = rising[at - 1]
-                    at -= 1
-                rising[at] = echo
-            depths[count, 1] = _middle(rising, length)
+            depths[count, 0] = found[best, 3]
+            depths[count, 1] = _median(ranges[start : start + length], rising)
             count += 1
     return count
+
+
+@inner_kernel
+def _around(i, n):  # type: ignore[no-untyped-def]
+    """i modulo n, for i < 2 n."""
+    return i - n if i >= n else i
+
+
+@inner_kernel
+def _median(values, rising):  # type: ignore[no-untyped-def]
+    """Of a few numbers, which are sorted into `rising`."""
+    for k in range(len(values)):
+        at = k
+        while at > 0 and rising[at - 1] > values[k]:
+            rising[at] = rising[at - 1]
+            at -= 1
+        rising[at] = values[k]
+    return _middle(rising, len(values))
