@@ -14,15 +14,13 @@ Kept, they tell three things that one cannot:
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from operator import attrgetter
 
 import numpy as np
 
-from sonar_explore.compiled import inner_kernel, kernel
-from sonar_explore.geometry import Array, wrap_angle
+from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
+from sonar_explore.geometry import Array, Segment
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.discs import TurnError, adds_to_turn, agreeing
 from sonar_explore.slam.features import (
@@ -30,7 +28,6 @@ from sonar_explore.slam.features import (
     FeatureConfig,
     FeatureKind,
     extract_features,
-    tangent,
 )
 from sonar_explore.slam.heard import (
     ASIDE,
@@ -45,12 +42,16 @@ from sonar_explore.slam.heard import (
     SWEEP,
     WALL,
     WIDTH,
-    Heard,
     heard_by_discs,
     wrapped,
 )
 from sonar_explore.slam.points import Point, PointConfig, points_among
 from sonar_explore.sums import dot, total
+
+
+X1, Y1, X2, Y2, COLUMNS = range(LENGTH + 1, LENGTH + 6)
+"""Columns of a feature, after those of what is heard: its ends; and how many there are."""
+KINDS = {WALL: FeatureKind.WALL, CORNER: FeatureKind.CORNER, EDGE: FeatureKind.EDGE}
 
 
 @dataclass(frozen=True)
@@ -73,16 +74,46 @@ class AgreementConfig:
     """What counts as a point."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Extraction:
     """What one turn of the robot says."""
 
-    features: tuple[Feature, ...]
-    """By bearing."""
     points: tuple[Point, ...] = ()
     """Edges, corners and columns on which several discs agree."""
     turn: TurnError | None = None
     """None where nothing was heard by several discs."""
+    of_one_disc: tuple[Feature, ...] = ()
+    """By bearing, where one disc alone was asked."""
+    of_several: Array = field(default_factory=lambda: np.empty((0, COLUMNS)))
+    """On which several agree, and what else the scan's own heard, by bearing: columns of `heard`, of which that of the
+    disc says how many, then both ends [m]; shape (n, 13)."""
+    around: tuple[int, ...] = ()
+    """Their readings counter-clockwise, twice over."""
+
+    def features(self, error: float | None = None) -> tuple[Feature, ...]:
+        """By bearing, each turned by this share of how far the robot had turned when it was heard."""
+        if error is None:
+            return (*self.of_one_disc, *[self._feature(*row) for row in self.of_several.tolist()])
+        rows = self.of_several.copy()
+        _straightened(rows, error)
+        straight = [f.turned(error * f.sweep_rad) for f in self.of_one_disc]
+        return (*straight, *[self._feature(*row) for row in rows.tolist()])
+
+    def _feature(
+        self,
+        bearing: float,
+        depth: float,
+        sweep: float,
+        width: float,
+        aside: float,
+        discs: float,
+        kind: float,
+        start: float,
+        length: float,
+        *ends: float,
+    ) -> Feature:
+        readings = self.around[int(start) : int(start + length)]
+        return Feature(KINDS[int(kind)], bearing, depth, width, Segment(*ends), readings, sweep, int(discs))
 
 
 def extract(
@@ -94,26 +125,14 @@ def extract(
         turn_error: true over counted turn, less one, as far as is known.
     """
     if not agreement.enabled or not scan.others:
-        return Extraction(extract_features(scan.turned(turn_error), config))
+        return Extraction(of_one_disc=extract_features(scan.turned(turn_error), config))
     heard = heard_by_discs(scan, config, agreement.points, turn_error)
-    sums = np.zeros(2)
-    features = _agreed(heard, len(scan.ranges_m), scan.bearings_rad, config, agreement, sums)
+    sums, rows = np.zeros(2), np.empty((len(heard.walls) + len(heard.others), COLUMNS))
+    count = _agree(heard.walls, heard.others, _limits(config, agreement), rows, sums)
     points = points_among(heard.in_front, config.beam, agreement.points, sums)
-    return Extraction(features, points, TurnError.of(sums, agreement.noise_rad))
-
-
-def _agreed(
-    heard: Heard, n: int, bearings: Array, config: FeatureConfig, agreement: AgreementConfig, sums: Array
-) -> tuple[Feature, ...]:
-    """What several discs heard, and the corners and edges of the scan's own disc that are none of it, by bearing.
-
-    What the walls say of the turn is added to `sums`.
-    """
-    things, alone = np.empty((len(heard.walls), 9)), np.ones(len(heard.others), dtype=bool)
-    count = _agree(heard.walls, heard.others, _limits(agreement), things, alone, sums)
-    around = _around(n, bool(bearings[-1] < bearings[0]))
-    rows = [*things[:count].tolist(), *heard.others[alone].tolist()]
-    return tuple(sorted([_feature(row, around, config) for row in rows], key=_bearing))
+    around = _around(len(scan.ranges_m), bool(scan.headings_rad[-1] < scan.headings_rad[0]))
+    turn = TurnError.of(sums, agreement.noise_rad)
+    return Extraction(points, turn, of_several=rows[:count], around=around)
 
 
 @lru_cache(maxsize=4)
@@ -123,36 +142,16 @@ def _around(n: int, clockwise: bool) -> tuple[int, ...]:
 
 
 @lru_cache(maxsize=4)
-def _limits(config: AgreementConfig) -> Array:
+def _limits(config: FeatureConfig, agreement: AgreementConfig) -> Array:
     """What is alike, and what is a wall, as the kernel takes it."""
-    return np.array([config.discs_min, config.bearing_rad, config.range_m, config.point_share])
-
-
-KINDS = {WALL: FeatureKind.WALL, CORNER: FeatureKind.CORNER, EDGE: FeatureKind.EDGE}
-_bearing = attrgetter("bearing_rad")
-
-
-def _feature(row: Sequence[float], around: tuple[int, ...], config: FeatureConfig) -> Feature:
-    """One row of what is heard, the column of the disc being how many discs heard it."""
-    bearing, depth, sweep, width, _, discs, number, start, length = row
-    kind, start = KINDS[int(number)], int(start)
-    return Feature(
-        kind,
-        wrap_angle(bearing),
-        depth,
-        width,
-        tangent(kind, bearing, depth, width, config),
-        around[start : start + int(length)],
-        sweep,
-        int(discs),
-    )
+    alike = agreement.discs_min, agreement.bearing_rad, agreement.range_m, agreement.point_share
+    return np.array([*alike, config.width_max_beams * config.beam_rad])
 
 
 @kernel
-def _agree(walls, others, limits, things, alone, sums):  # type: ignore[no-untyped-def]
-    """Walls and points on which enough discs agree, into `things`: how many; `alone` is false for what they are.
-
-    The columns are those of what one disc heard, but for the number of discs in place of the disc's, in both.
+def _agree(walls, others, limits, out, sums):  # type: ignore[no-untyped-def]
+    """What several discs heard, and the corners and edges of the scan's own disc that are none of it, into `out` by
+    bearing: how many. What the walls say of the turn is added to `sums`.
     """
     n = len(walls)
     distance, disc = np.empty((n, n)), np.empty(n, dtype=np.int64)
@@ -167,19 +166,67 @@ def _agree(walls, others, limits, things, alone, sums):  # type: ignore[no-untyp
                     distance[i, j] = turned + farther
     members, ends = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
     count = agreeing(distance, disc, walls[:, BEARING], limits[0], members, ends)
-    for i in range(len(others)):
-        others[i, DISC] = 1
     for k in range(count):
-        rows, thing = members[(ends[k - 1] if k else 0) : ends[k]], things[k]
+        rows, thing = members[(ends[k - 1] if k else 0) : ends[k]], out[k]
         _thing(walls, rows, limits, thing, sums)
         thing[START] = thing[LENGTH] = 0.0
         for i in range(n):
             if disc[i] == 0 and _near(walls[i], thing, limits):
                 thing[START], thing[LENGTH] = walls[i, START], walls[i, LENGTH]
                 break
-        for i in range(len(others)):
-            alone[i] = alone[i] and not _near(others[i], thing, limits)
+    things = count
+    for i in range(len(others)):
+        alone = True
+        for k in range(things):
+            alone = alone and not _near(others[i], out[k], limits)
+        if alone:
+            for column in range(others.shape[1]):
+                out[count, column] = others[i, column]
+            out[count, DISC] = 1.0
+            count += 1
+    for k in range(count):
+        _cut(out[k], limits[4])
+        out[k, BEARING] = wrapped(out[k, BEARING])
+    _sort(out[:count])
     return count
+
+
+@inner_kernel
+def _cut(row, widest):  # type: ignore[no-untyped-def]
+    """`features.tangent`: the ends of what was heard."""
+    half = 0.0
+    if row[KIND] == WALL:
+        half = row[RANGE] * math.tan(0.5 * min(row[WIDTH], widest))
+    c, s = math.cos(row[BEARING]), math.sin(row[BEARING])
+    x, y = row[RANGE] * c, row[RANGE] * s
+    row[X1], row[Y1], row[X2], row[Y2] = x + half * s, y - half * c, x - half * s, y + half * c
+
+
+@kernel
+def _sort(rows):  # type: ignore[no-untyped-def]
+    """By bearing; of equals the earlier stays first."""
+    row = np.empty(rows.shape[1])
+    for i in range(1, len(rows)):
+        at = i
+        for column in range(len(row)):
+            row[column] = rows[i, column]
+        while at > 0 and rows[at - 1, BEARING] > row[BEARING]:
+            for column in range(len(row)):
+                rows[at, column] = rows[at - 1, column]
+            at -= 1
+        for column in range(len(row)):
+            rows[at, column] = row[column]
+
+
+@lean_kernel
+def _straightened(rows, error):  # type: ignore[no-untyped-def]
+    """`Feature.turned`, by this share of how far the robot had turned."""
+    for i in range(len(rows)):
+        turn, x1, y1, x2, y2 = error * rows[i, SWEEP], rows[i, X1], rows[i, Y1], rows[i, X2], rows[i, Y2]
+        c, s = math.cos(turn), math.sin(turn)
+        rows[i, BEARING] = wrapped(rows[i, BEARING] + turn)
+        rows[i, X1], rows[i, Y1] = c * x1 - s * y1, s * x1 + c * y1
+        rows[i, X2], rows[i, Y2] = c * x2 - s * y2, s * x2 + c * y2
 
 
 @kernel

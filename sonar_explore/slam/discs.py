@@ -60,44 +60,55 @@ def agreeing(distance, disc, order, least_discs, members, ends):  # type: ignore
     """Rows of each thing that enough discs heard, one row a disc: what most discs heard first, then the closest.
 
     One thing after the other into `members`, where each one's rows end into `ends`; how many things. `distance` is inf
-    where two rows cannot be one thing, and is used up; `disc` rises; of equals the least in `order` comes first.
+    where two rows cannot be one thing; `disc` rises; of equals the least in `order` comes first.
     """
     n = len(disc)
     discs = disc[n - 1] + 1 if n else 0
     nearest, best = np.empty(discs, dtype=np.int64), np.empty(discs, dtype=np.int64)
     count, spread, known = np.empty(n, dtype=np.int64), np.empty(n), np.zeros(n, dtype=np.bool_)
+    near, many, free = (
+        np.empty((n, n + 1), dtype=np.int64),
+        np.zeros(n, dtype=np.int64),
+        np.ones(n, dtype=np.bool_),
+    )
+    for i in range(n):
+        for j in range(n):
+            near[i, many[i]] = j
+            many[i] += distance[i, j] < np.inf
     things = used = 0
     while True:
         most, least, seed = 0, np.inf, -1
         for i in range(n):
+            if not free[i]:
+                continue
             if not known[i]:
-                count[i], spread[i] = _nearest(distance[i], disc, nearest)
+                count[i], spread[i] = _nearest(distance[i], near[i, : many[i]], free, disc, nearest)
                 known[i] = True
             closer = seed < 0 or spread[i] < least or (spread[i] == least and order[i] < order[seed])
             if count[i] > most or (count[i] == most and closer):
                 most, least, seed = count[i], spread[i], i
         if seed < 0 or most < least_discs:
             return things
-        _nearest(distance[seed], disc, best)
+        _nearest(distance[seed], near[seed, : many[seed]], free, disc, best)
         for k in range(discs):
             if best[k] >= 0:
                 members[used] = best[k]
                 used += 1
+                free[best[k]] = False
                 for i in range(n):
                     known[i] = known[i] and distance[i, best[k]] == np.inf
-                    distance[best[k], i] = distance[i, best[k]] = np.inf
         ends[things] = used
         things += 1
 
 
 @inner_kernel
-def _nearest(distance, disc, nearest):  # type: ignore[no-untyped-def]
-    """The nearest row of each disc, -1 where all are far: of how many discs, and the sum of their distances."""
+def _nearest(distance, near, free, disc, nearest):  # type: ignore[no-untyped-def]
+    """The nearest free row of each disc, -1 where all are far: of how many discs, and the sum of their distances."""
     for k in range(len(nearest)):
         nearest[k] = -1
-    for i in range(len(distance)):
+    for i in near:
         at = nearest[disc[i]]
-        if distance[i] < (distance[at] if at >= 0 else np.inf):
+        if free[i] and (at < 0 or distance[i] < distance[at]):
             nearest[disc[i]] = i
     count, spread = 0, 0.0
     for k in range(len(nearest)):

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array, Pose
@@ -46,21 +47,24 @@ class Heard:
 def heard_by_discs(scan: Scan, config: FeatureConfig, points: PointConfig, turn_error: float = 0.0) -> Heard:
     """What the disc of the scan and the others heard; the robot turned by so much more than it counted, relative."""
     scans = (scan, *scan.others)
-    counts = tuple([len(disc.ranges_m) for disc in scans])
-    reach = tuple([disc.range_max_m for disc in scans])
-    if min(counts) < 3 or any(len(disc.headings_rad) != n for disc, n in zip(scans, counts, strict=True)):
+    headings_rad, ranges_m = [disc.headings_rad for disc in scans], [disc.ranges_m for disc in scans]
+    counts = tuple(map(len, ranges_m))
+    if min(counts) < 3 or tuple(map(len, headings_rad)) != counts:
         _complain(scans)
-    levers, mounts = _mounted(tuple([disc.pose_sonar_in_robot for disc in scans]), counts, reach)
-    if any(disc.ring is not None for disc in scans):
+    reach = tuple([disc.range_max_m for disc in scans])
+    levers, mounts, ends = _mounted(tuple([disc.pose_sonar_in_robot for disc in scans]), counts, reach)
+    if any([disc.ring is not None for disc in scans]):
         levers = np.concatenate([[*disc.levers, disc.discs[:, 2]] for disc in scans], axis=1)
-    headings = np.concatenate([disc.headings_rad for disc in scans]) * (1.0 + turn_error)
-    ranges = np.concatenate([disc.ranges_m for disc in scans], dtype=float)
+    headings = np.concatenate(headings_rad) * (1.0 + turn_error)
+    ranges = np.concatenate(ranges_m, dtype=float)
     if headings.ndim != 1 or ranges.ndim != 1:
         _complain(scans)
     size = len(ranges)
     walls, others, found = np.empty((size, 9)), np.empty((counts[0], 9)), np.empty((size, 7))
-    ends, limits, sizes = np.cumsum(counts), _limits(config, points), np.empty(3, dtype=np.int64)
-    if not _hear(headings, ranges, levers, ends, mounts, limits, walls, others, found, sizes):
+    sizes = np.empty(3, dtype=np.int64)
+    if not _hear(
+        headings, ranges, levers, ends, mounts, _limits(config, points), walls, others, found, sizes
+    ):
         _complain(scans)
     n, m, k = sizes.tolist()
     return Heard(walls[:n], others[:m], found[:k])
@@ -75,12 +79,13 @@ def _complain(scans: Sequence[Scan]) -> None:
 @lru_cache(maxsize=4)
 def _mounted(
     mounts: tuple[Pose, ...], counts: tuple[int, ...], reach: tuple[float, ...]
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, NDArray[np.intp]]:
     """Lever of each reading, its direction and that of the beam, shape (3, n); x y heading aside, and the largest
-    range, of each disc."""
+    range, of each disc; where its readings end."""
     discs = np.array([(m.x, m.y, m.heading, aside(m), far) for m, far in zip(mounts, reach, strict=True)])
     x, y, heading = discs[:, :3].T
-    return np.repeat([np.hypot(x, y), np.arctan2(y, x) - heading, heading], counts, axis=1), discs
+    levers = np.repeat([np.hypot(x, y), np.arctan2(y, x) - heading, heading], counts, axis=1)
+    return levers, discs, np.cumsum(counts)
 
 
 @lru_cache(maxsize=4)
@@ -231,13 +236,10 @@ def _is_plateau(rows, runs, k, wide, n, limits):  # type: ignore[no-untyped-def]
         return False
     before, after = (runs[k, 0] - 1) % n, (runs[k, 0] + runs[k, 1]) % n
     for other in range(len(wide)):
-        ends, begins = (runs[other, 0] + runs[other, 1] - 1) % n, runs[other, 0] % n
-        if (
-            wide[other]
-            and (ends == before or begins == after)
-            and 0.0 < rows[k, DEPTH] - rows[other, DEPTH] < limits[6]
-        ):
-            return False
+        if wide[other] and 0.0 < rows[k, DEPTH] - rows[other, DEPTH] < limits[6]:
+            ends, begins = (runs[other, 0] + runs[other, 1] - 1) % n, runs[other, 0] % n
+            if ends == before or begins == after:
+                return False
     return True
 
 

@@ -133,10 +133,10 @@ class ChainSlam:
         self._turn_heard = extraction.turn
         self._filter.begin_scan(turn_of(scan))
         if extraction.turn is None or not self.config.odometry.enabled:
-            return predicted, extraction.features
+            return predicted, extraction.features()
         predicted, error = self._learn_turn(predicted, extraction.turn)
         self._smear += error
-        return predicted, tuple(f.turned(error * f.sweep_rad) for f in extraction.features)
+        return predicted, extraction.features(error)
 
     def _learn_turn(self, predicted: Pose, turn: TurnError) -> tuple[Pose, float]:
         """The pose, and the error of this turn beyond what is known already."""

@@ -45,7 +45,7 @@ def plain_extraction(scan, config, agreement):
     ]
     points, also = plain_points(scan, config, agreement.points)
     features = tuple(sorted([*found, *alone], key=lambda f: f.bearing_rad))
-    return Extraction(features, points, plain_turn([*swept, *also], agreement.noise_rad))
+    return Extraction(points, plain_turn([*swept, *also], agreement.noise_rad), of_one_disc=features)
 
 
 def plain_things(distance, disc, order, least):

@@ -36,7 +36,7 @@ def walls_of(features):
 
 @pytest.mark.parametrize("heading", np.linspace(0.0, 0.06, 7))
 def test_eight_discs_hear_a_walls_bearing_finer_than_the_lattice_of_headings(heading):
-    (wall,) = walls_of(extract(turn(Pose(0.0, 0.0, heading), [WALL]), FEATURES, ALL).features)
+    (wall,) = walls_of(extract(turn(Pose(0.0, 0.0, heading), [WALL]), FEATURES, ALL).features())
     assert abs(wrap_angle(wall.bearing_rad + heading)) < math.radians(0.8), "of steps of 4 degrees"
     assert wall.range_m == pytest.approx(1.2, abs=0.002) and wall.discs == 8
 
@@ -45,8 +45,8 @@ def test_eight_discs_hear_a_walls_bearing_finer_than_the_lattice_of_headings(hea
 def test_an_edge_that_one_disc_takes_for_a_wall_is_told_by_how_its_bearing_shifts_with_the_discs(range_m):
     wide = replace(FEATURES, beam_check=False)
     scan = turn(Pose(0.0, 0.0, 0.01), [], edges=[(range_m, 0.0)])
-    assert walls_of(extract(scan, wide, AgreementConfig()).features), "one disc is fooled"
-    found = extract(scan, wide, replace(ALL, bearing_rad=math.radians(12.0))).features
+    assert walls_of(extract(scan, wide, AgreementConfig()).features()), "one disc is fooled"
+    found = extract(scan, wide, replace(ALL, bearing_rad=math.radians(12.0))).features()
     assert not walls_of(found)
     (edge,) = (f for f in found if f.discs > 1)
     assert edge.kind is FeatureKind.EDGE and edge.range_m == pytest.approx(range_m, abs=0.02)
@@ -61,7 +61,7 @@ def test_walls_heard_early_by_one_disc_and_late_by_another_tell_the_error_of_the
     assert found.turn is not None
     assert found.turn.relative == pytest.approx(error, abs=3.0 * found.turn.sigma)
     assert found.turn.sigma < 0.006
-    for wall in walls_of(found.features):  # with the smear taken out, the bearings are right
+    for wall in walls_of(found.features()):  # with the smear taken out, the bearings are right
         true = min((0.0, math.pi / 2, math.pi), key=lambda b: abs(wrap_angle(wall.bearing_rad + 0.3 - b)))
         off = wrap_angle(wall.bearing_rad + error * wall.sweep_rad + 0.3 - true)
         assert abs(off) < math.radians(1.2)
@@ -70,7 +70,8 @@ def test_walls_heard_early_by_one_disc_and_late_by_another_tell_the_error_of_the
 def test_with_one_disc_or_where_it_is_off_the_paper_extraction_stands():
     scan = turn(Pose(0.0, 0.0, 0.0), [WALL])
     alone = extract(replace(scan, others=()), FEATURES, ALL)
-    assert alone == extract(scan, FEATURES, AgreementConfig())
+    paper = extract(scan, FEATURES, AgreementConfig())
+    assert alone.features() == paper.features() and alone.turn is None and not alone.points
     assert alone.turn is None and all(f.discs == 1 for f in alone.features)
 
 
@@ -78,8 +79,8 @@ def test_the_order_of_the_discs_does_not_matter():
     scan = turn(Pose(0.1, 0.2, 0.4), [WALL, Segment(-3.0, 1.1, 3.0, 1.1)], edges=[(0.2, -0.9)])
     found = extract(scan, FEATURES, ALL)
     again = extract(replace(scan, others=scan.others[::-1]), FEATURES, ALL)
-    assert len(found.features) == len(again.features)
-    for a, b in zip(found.features, again.features, strict=True):
+    assert len(found.features()) == len(again.features())
+    for a, b in zip(found.features(), again.features(), strict=True):
         assert (a.kind, a.discs) == (b.kind, b.discs)
         assert a.bearing_rad == pytest.approx(b.bearing_rad) and a.range_m == pytest.approx(b.range_m)
 
@@ -106,14 +107,15 @@ def test_the_kernels_say_what_the_plain_form_says(world):
         found = extract(scan, FEATURES, ALL, turn_error)
         expected = plain_extraction(scan.turned(turn_error), FEATURES, ALL)
         for one, other in (
-            (found.features, expected.features),
+            (found.features(), expected.features()),
+            (found.features(0.01), [f.turned(0.01 * f.sweep_rad) for f in expected.features()]),
             (found.points, expected.points),
             ([found.turn], [expected.turn]),
         ):
             (names, values), (known, numbered) = numbers(one), numbers(other)
             assert names == known
             np.testing.assert_allclose(values, numbered, rtol=0, atol=1e-12)
-        agreed += sum(f.discs > 1 for f in found.features)
+        agreed += sum(f.discs > 1 for f in found.features())
         points += len(found.points)
     assert agreed > 20 and points > 5
 

@@ -82,7 +82,7 @@ def oracle(
     for _ in range(2):  # the second time with the smear of the scans taken out, as far as it was learned
         seen = [extract(scan, features, agreement, turn_error) for scan in drive.scans]
         owners = [
-            true_walls(pose, found.features, ratio / (1.0 + turn_error) - 1.0, walls, config)
+            true_walls(pose, found.features(), ratio / (1.0 + turn_error) - 1.0, walls, config)
             for pose, ratio, found in zip(drive.true_poses, drive.turn_ratios, seen, strict=True)
         ]
         ends = [
@@ -92,7 +92,7 @@ def oracle(
         smoother = _solved(drive, motions, seen, owners, ends, turn_error, noise, config)
         turn_error = float(smoother.constants[0])
     poses = tuple(Pose(*map(float, row)) for row in smoother.poses)
-    return OracleResult(poses, tuple(owners), tuple(found.features for found in seen), lines_of(walls))
+    return OracleResult(poses, tuple(owners), tuple(found.features() for found in seen), lines_of(walls))
 
 
 def straight_walls(world: World) -> Array:
@@ -212,7 +212,7 @@ def _solved(
         turn = seen[i].turn
         turn = turn and replace(turn, relative=turn.relative + turn_error)
         out.add_scan(pose, motions[i - 1] if i else None, turn)
-        for feature, wall in zip(seen[i].features, walls[i], strict=True):
+        for feature, wall in zip(seen[i].features(), walls[i], strict=True):
             if wall is not None:
                 out.add_sighting(Sighting.of(i, wall, feature, turn_error))
         for point, end in zip(seen[i].points, ends[i], strict=True):
