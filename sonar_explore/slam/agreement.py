@@ -48,7 +48,6 @@ from sonar_explore.slam.heard import (
 from sonar_explore.slam.points import Point, PointConfig, points_among
 from sonar_explore.sums import dot, total
 
-
 X1, Y1, X2, Y2, COLUMNS = range(LENGTH + 1, LENGTH + 6)
 """Columns of a feature, after those of what is heard: its ends; and how many there are."""
 KINDS = {WALL: FeatureKind.WALL, CORNER: FeatureKind.CORNER, EDGE: FeatureKind.EDGE}

@@ -53,7 +53,7 @@ def heard_by_discs(scan: Scan, config: FeatureConfig, points: PointConfig, turn_
         _complain(scans)
     reach = tuple([disc.range_max_m for disc in scans])
     levers, mounts, ends = _mounted(tuple([disc.pose_sonar_in_robot for disc in scans]), counts, reach)
-    if any([disc.ring is not None for disc in scans]):
+    if any(disc.ring is not None for disc in scans):
         levers = np.concatenate([[*disc.levers, disc.discs[:, 2]] for disc in scans], axis=1)
     headings = np.concatenate(headings_rad) * (1.0 + turn_error)
     ranges = np.concatenate(ranges_m, dtype=float)

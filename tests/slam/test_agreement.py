@@ -72,7 +72,7 @@ def test_with_one_disc_or_where_it_is_off_the_paper_extraction_stands():
     alone = extract(replace(scan, others=()), FEATURES, ALL)
     paper = extract(scan, FEATURES, AgreementConfig())
     assert alone.features() == paper.features() and alone.turn is None and not alone.points
-    assert alone.turn is None and all(f.discs == 1 for f in alone.features)
+    assert all(f.discs == 1 for f in alone.features())
 
 
 def test_the_order_of_the_discs_does_not_matter():
