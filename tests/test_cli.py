@@ -14,6 +14,7 @@ import pytest
 from sonar_explore import cli
 from sonar_explore.agents import make_agent
 from sonar_explore.choices import SLAMS as CHOICES
+from sonar_explore.envs.exploration_env import ExplorationEnv
 from sonar_explore.episodes.commands import default_folder
 from sonar_explore.episodes.record import EpisodeRecord, StepRecord
 from sonar_explore.errors import SonarExploreError, unknown_name
@@ -78,7 +79,7 @@ def assert_refused(capsys: Capture, arguments: list[str], *words: str, status: i
         (["run", "loop", "--sed", "3"], ["--sed", "--seed"]),
         (["run", "loop", "--seed", "-1"], ["--seed", "0<=x<=4294967295"]),
         (["run", "loop", "--seed", str(2**32)], ["--seed", "0<=x<=4294967295"]),
-        (["run", "loop", "--seed", "three"], ["--seed", "'three'"]),
+        (["run", "loop", "--seed", "three"], ["--seed", "'three' is not a valid whole number"]),
         (["run", "loop", "--max-scans", "0"], ["--max-scans"]),
         (["run", "loop", "bend"], ["bend"]),
         (["worlds", "loop"], ["loop"]),
@@ -237,6 +238,25 @@ def test_no_choice_overwrites_the_run_of_another(
 )
 def test_what_a_shell_or_a_path_would_read_is_not_in_a_folder_name(world: str, named: str) -> None:
     assert str(default_folder(world, "nearest", "off", "paper", 0)) == f"runs/{named}-nearest-off-paper-0"
+
+
+def test_the_folder_says_which_world_was_drawn_and_is_not_that_of_the_world_by_name(
+    capsys: Capture, folder: Path, runner: SimpleNamespace
+) -> None:
+    env = ExplorationEnv("generated/hall?difficulty=0.2", "off")
+    env.reset(seed=3)
+    for world in ("generated/hall?difficulty=0.2", env.world.name):
+        assert cli.main(["run", world, "--slam", "off", "--seed", "3"]) == 0
+    named = env.world.name.translate(str.maketrans("/?=", "---"))
+    made = {path.name for path in (folder / "runs").iterdir()}
+    assert made == {f"{named}{drawn}-frontier-off-paper-3" for drawn in ("-drawn", "")}
+
+
+def test_a_policy_named_like_a_module_of_python_s_own_is_told_so(
+    capsys: Capture, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "calendar.py").write_text("class Mine:\n    def choose(self, situation): ...\n", "utf-8")
+    assert_refused(capsys, ["run", "paper/corridor", "--agent", "calendar:Mine"], "Python's own")
 
 
 def test_a_policy_in_the_working_folder_is_found(

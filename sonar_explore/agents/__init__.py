@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import sys
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
@@ -56,6 +57,12 @@ def _load(name: str, point: EntryPoint) -> Any:
         importlib.invalidate_caches()
         return point.load()
     except (ImportError, AttributeError, ValueError, SyntaxError) as error:
+        module = point.value.partition(":")[0].partition(".")[0]
+        if module in sys.stdlib_module_names:
+            raise SonarExploreError(
+                f"agent {name!r} cannot be loaded: {module!r} is the name of a module of Python's own, "
+                "which hides any other; give your module another name"
+            ) from error
         where = "module:Name, the module in the working folder, on PYTHONPATH or installed"
         raise SonarExploreError(f"agent {name!r} cannot be loaded: {error}; give {where}") from error
 

@@ -82,7 +82,7 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
     `generated/office`, which draws a new world at each reset. `slam`: `chain`, `literal`, `smoothed`,
     `grid-pf`, `scan-match`, `off` or `truth`. `noise`: odometry preset `paper`, `ideal`, `worn`, or None to take
     `config`'s. `config`: an `ExplorationConfig`. `max_scans`: None to take `config`'s. `max_candidates`, `max_chains`, `map_shape`: sizes of
-    the observation, the same for every world that is drawn. `render_mode`: `rgb_array` or `ansi`.
+    the observation (a map holds at least what one scan clears), the same for every world that is drawn. `render_mode`: `rgb_array` or `ansi`.
 
     ## Version History
     v0: first.
@@ -109,6 +109,11 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
             raise SonarExploreError(
                 f"max_candidates is {max_candidates}, fewer than the {self.config.candidates.most} "
                 "that config.candidates.most may offer"
+            )
+        one_scan = 2 * round(self.config.mapping.free_range_m / self.config.mapping.resolution_m)
+        if min(map_shape) < one_scan:
+            raise SonarExploreError(
+                f"map_shape is {tuple(map_shape)}; at least {one_scan} x {one_scan} cells are possible: one scan clears as much"
             )
         self._generator = str(world) if is_generator(world) else None
         self._map_shape = map_shape

@@ -112,6 +112,13 @@ def draw_world(name: str, rng: np.random.Generator) -> World:
     return draw(*_split_options(name), rng)
 
 
+def drawn_name(name: str, seed: int) -> str:
+    """The name of the world that an environment of this generator draws when it is reset with this seed."""
+    from gymnasium.utils.seeding import np_random
+
+    return draw_world(name, np_random(seed)[0]).name
+
+
 def _split_options(name_or_path: str | Path) -> tuple[str, dict[str, str]]:
     """`name?key=value&...` as its name and options; a file that is really called so keeps its name."""
     text = str(name_or_path)

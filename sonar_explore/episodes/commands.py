@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sonar_explore.choices import SLAMS
+from sonar_explore.choices import SLAMS, WholeNumber
 from sonar_explore.errors import SonarExploreError
 
 if TYPE_CHECKING:
@@ -32,11 +32,11 @@ NOT_IN_A_NAME = "?&=:/\\"
 )
 @click.option("--noise", default="paper", show_default=True, help="Odometry: paper, ideal or worn.")
 @click.option(
-    "--seed", type=click.IntRange(0, SEED_MAX), default=0, show_default=True, help="Of world and robot."
+    "--seed", type=WholeNumber(0, SEED_MAX), default=0, show_default=True, help="Of world and robot."
 )
 @click.option("--out", type=click.Path(path_type=Path), help="Folder for episode.json and report.html.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as one JSON object, nothing else.")
-@click.option("--max-scans", type=click.IntRange(1), help="End after this many scans.")
+@click.option("--max-scans", type=WholeNumber(1), help="End after this many scans.")
 @click.option(
     "--scan",
     type=click.Choice(("turn", "ring")),
@@ -69,7 +69,7 @@ def run(
     from sonar_explore.episodes.files import save_record, writable_folder
 
     chosen = _not_default(scan, sensor, max_scans)
-    folder = out or default_folder(world, agent, slam, noise, seed, *chosen)
+    folder = out or default_folder(_named(world, seed), agent, slam, noise, seed, *chosen)
     with writable_folder(folder):
         config = _config(max_scans, scan, sensor)
         with _recorder(log, sensor) as recorder:
@@ -140,6 +140,14 @@ def _not_default(scan: str, sensor: str, max_scans: int | None) -> tuple[str, ..
     """What else was chosen, for the name of the folder: another choice is another run."""
     scans = () if max_scans is None else (f"{max_scans}-scans",)
     return tuple(name for name in (scan, sensor) if name not in ("turn", "amigobot")) + scans
+
+
+def _named(world: str, seed: int) -> str:
+    """The world as its folder is called: where the seed draws one, the one drawn. The same world under its own name
+    is another run: there the seed is the robot's alone."""
+    from sonar_explore.envs.load import drawn_name, is_generator
+
+    return f"{drawn_name(world, seed)}-drawn" if is_generator(world) else world
 
 
 def default_folder(world: str, agent: str, slam: str, noise: str, seed: int, *chosen: str) -> Path:

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from sonar_explore.choices import SLAMS
+from sonar_explore.choices import SLAMS, WholeNumber
 
 PAPER_WORLDS = ("paper/corridor", "paper/bend", "paper/loop", "paper/open-loop", "paper/rooms")
 ARMS = ("chain", "off")
@@ -26,13 +26,13 @@ def _options(
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """What all studies can be told."""
     parts = [
-        click.option("--seeds", type=click.IntRange(1), default=seeds, show_default=True, help="0 to N - 1."),
+        click.option("--seeds", type=WholeNumber(1), default=seeds, show_default=True, help="0 to N - 1."),
         click.option("--noise", default=noise, show_default=True, help="Odometry: paper, ideal or worn."),
         click.option(
             "--worlds", default=",".join(worlds), show_default=True, callback=_names, help="Comma between."
         ),
-        click.option("--jobs", type=click.IntRange(1), help="Processes; default: one a core."),
-        click.option("--max-scans", type=click.IntRange(1), help="End every episode after this many scans."),
+        click.option("--jobs", type=WholeNumber(1), help="Processes; default: one a core."),
+        click.option("--max-scans", type=WholeNumber(1), help="End every episode after this many scans."),
         click.option(
             "--out",
             type=click.Path(path_type=Path),
@@ -99,15 +99,15 @@ def ring_scan(**choices: Any) -> None:
 
 @click.command("explore-plans", short_help="Floor plans and generated worlds: what is left, and why.")
 @click.argument("data", required=False, type=click.Path(path_type=Path))
-@click.option("--generated", type=click.IntRange(0), default=200, show_default=True, help="Generated worlds.")
-@click.option("--seeds", type=click.IntRange(1), default=1, show_default=True, help="0 to N - 1.")
+@click.option("--generated", type=WholeNumber(0), default=200, show_default=True, help="Generated worlds.")
+@click.option("--seeds", type=WholeNumber(1), default=1, show_default=True, help="0 to N - 1.")
 @click.option("--noise", default="paper", show_default=True, help="Odometry: paper, ideal or worn.")
 @click.option("--slam", default="smoothed", show_default=True, help="What corrects the pose.")
 @click.option("--whole", is_flag=True, help="Run the plans above 400 m2 whole as well.")
-@click.option("--jobs", type=click.IntRange(1), help="Processes; default: one a core.")
+@click.option("--jobs", type=WholeNumber(1), help="Processes; default: one a core.")
 @click.option(
     "--max-scans",
-    type=click.IntRange(1),
+    type=WholeNumber(1),
     default=4000,
     show_default=True,
     help="End every episode after this many.",
@@ -134,7 +134,7 @@ def explore_plans(**choices: Any) -> None:
 @_options("compare", seeds=100, noise="paper,worn")
 @click.option(
     "--closed-loop-seeds",
-    type=click.IntRange(0),
+    type=WholeNumber(0),
     default=0,
     show_default=True,
     help="Also explore with each SLAM in the loop, seeds 0 to N - 1.",
@@ -149,7 +149,7 @@ def compare(closed_loop_seeds: int, **choices: Any) -> None:
 
 @click.command("real-sonar", short_help="Extraction and SLAM on recorded sonar.")
 @click.argument("data", type=click.Path(path_type=Path))
-@click.option("--seeds", type=click.IntRange(1), default=10, show_default=True, help="Odometries a run.")
+@click.option("--seeds", type=WholeNumber(1), default=10, show_default=True, help="Odometries a run.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),

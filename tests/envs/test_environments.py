@@ -108,6 +108,12 @@ def test_pictures_show_something_and_text_shows_the_robot(name):
     assert text.render().count("R") == 1
 
 
+@pytest.mark.parametrize("shape", [(1, 1), (480, 59), (0, 640)])
+def test_a_map_that_would_hold_less_than_one_scan_clears_is_refused(shape):
+    with pytest.raises(SonarExploreError, match="at least 60 x 60 cells"):
+        gym.make("sonar_explore/Exploration-v0", map_shape=shape)
+
+
 @both
 def test_a_generator_is_a_new_building_at_each_reset_and_a_numbered_one_stays(name):
     def met(world: str, seeds: list[int | None]) -> list[str]:

@@ -60,6 +60,10 @@ def test_the_scale_may_be_an_attribute_a_width_or_an_option(tmp_path: Path) -> N
     assert load_world(wide).bounds == pytest.approx((0, 0, 5, 4))
     none = written(tmp_path, "c.svg", f'<svg width="500" height="400">{room}')
     assert "no scale" in error_of(none)
+    for attribute, value in (("viewBox", "0 0 half 9"), ("data-metres-per-unit", "half")):
+        broken = error_of(written(tmp_path, "d.svg", f'<svg {attribute}="{value}"></svg>'))
+        assert f"{attribute} of <svg> holds no number: 'half'" in broken
+    assert "no SVG, for it is no XML" in error_of(written(tmp_path, "e.svg", "<svg"))
     assert load_world(none, resolution_m=0.01).bounds == pytest.approx((0, 0, 5, 4))
 
 

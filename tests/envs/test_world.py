@@ -151,7 +151,7 @@ def test_walls_of_no_length_are_dropped(tmp_path: Path) -> None:
     [
         ("title", "titel", "unknown field `titel`"),
         ('"A room"', "3", "Expected `str`, got `int` - at `$.title`"),
-        ("x = 1.0", "x = ", "my.toml"),
+        ("x = 1.0", "x = ", "my.toml: no TOML: "),
         ("x = 1.0", "x = nan", "is no place in metres"),
         ("[0, 3]", "[0, inf]", "walls[2] is no place in metres"),
         ("[0, 3]", "[0, 1e300]", "walls[2] is no place in metres"),
@@ -202,7 +202,7 @@ def test_files_that_are_missing_empty_foreign_or_no_text_are_refused(tmp_path: P
     (tmp_path / "plan.dwg").write_bytes(b"AC1015")
     assert "no reader for files that end in '.dwg'" in error_of(tmp_path / "plan.dwg")
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00\x01")
-    assert "binary.toml" in error_of(tmp_path / "binary.toml")
+    assert "binary.toml: no TOML, for it is no text in UTF-8" in error_of(tmp_path / "binary.toml")
     (tmp_path / "folder.toml").mkdir()
     assert "cannot read" in error_of(tmp_path / "folder.toml")
     assert "unknown world" in error_of(tmp_path)

@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from sonar_explore.envs.readers.lines import world_of_lines
-from sonar_explore.envs.readers.source import ReadOptions, read_bytes
+from sonar_explore.envs.readers.source import ReadOptions, read_bytes, why_undecoded
 from sonar_explore.envs.validation import MAX_COORDINATE_M
 from sonar_explore.envs.world import World
 from sonar_explore.errors import SonarExploreError
@@ -36,7 +36,7 @@ def read_houseexpo(path: Path, options: ReadOptions) -> World:
     try:
         home = msgspec.json.decode(read_bytes(path, MAX_BYTES), type=Home)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise SonarExploreError(f"{path.name}: {' '.join(str(error).split())}") from None
+        raise SonarExploreError(f"{path.name}: {why_undecoded(error, 'JSON')}") from None
     corners = _outline(path, np.array(home.verts, dtype=float).reshape(-1, 2))
     walls = np.hstack([corners, np.roll(corners, -1, axis=0)])
     return world_of_lines(path, f"Home {path.stem}", walls, np.empty((0, 3)), options.start)

@@ -15,7 +15,7 @@ import numpy as np
 
 from sonar_explore.envs.readers.bitmap import Bitmap, bitmap_world
 from sonar_explore.envs.readers.image import brightness
-from sonar_explore.envs.readers.source import ReadOptions, read_bytes
+from sonar_explore.envs.readers.source import ReadOptions, read_bytes, why_undecoded
 from sonar_explore.envs.validation import MAX_COORDINATE_M
 from sonar_explore.envs.world import World
 from sonar_explore.errors import SonarExploreError
@@ -61,7 +61,7 @@ def _decode(path: Path) -> MapFile:
     try:
         file = msgspec.yaml.decode(data, type=MapFile, strict=False)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise SonarExploreError(f"{path.name}: {' '.join(str(error).split())}") from None
+        raise SonarExploreError(f"{path.name}: {why_undecoded(error, 'YAML')}") from None
     except Exception as error:  # the YAML library raises what its parts raise: dates, bases, surrogates
         reason = " ".join(str(error).split())
         raise SonarExploreError(f"{path.name}: no map_server file: {reason}") from None

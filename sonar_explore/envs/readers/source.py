@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
+
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Pose
 
@@ -19,6 +21,18 @@ class ReadOptions:
     """`pose_robot_in_world`; None takes the file's own, or the roomiest place."""
     resolution_m: float | None = None
     """Metres per pixel of an image, or per user unit of an SVG."""
+
+
+def why_undecoded(error: Exception, kind: str) -> str:
+    """What a decoder objects to, in one line: the text, that it is none of this kind, or what it says.
+
+    >>> why_undecoded(UnicodeDecodeError("utf-8", b"\\xff", 0, 1, "invalid start byte"), "TOML")
+    'no TOML, for it is no text in UTF-8: invalid start byte (at byte 1)'
+    """
+    if isinstance(error, UnicodeDecodeError):
+        return f"no {kind}, for it is no text in UTF-8: {error.reason} (at byte {error.start + 1})"
+    said = " ".join(str(error).split())
+    return said if isinstance(error, msgspec.ValidationError) else f"no {kind}: {said}"
 
 
 def read_bytes(path: Path, limit: int = MAX_FILE_BYTES) -> bytes:

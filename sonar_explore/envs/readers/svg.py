@@ -72,14 +72,14 @@ def read_svg(path: Path, options: ReadOptions) -> World:
 def _page_to_metres(root: Element, metres_per_unit: float | None) -> Array:
     """The matrix (3, 3) from the user units of the root to metres, y up, the page's lower left corner at 0."""
     width, height = root.attributes.get("width", ""), root.attributes.get("height", "")
-    box = [float(n) for n in re.split(r"[\s,]+", root.attributes.get("viewBox", "").strip()) if n]
+    box = [_number(n, "viewBox") for n in re.split(r"[\s,]+", root.attributes.get("viewBox", "")) if n]
     if len(box) != 4:
         size = [length(t, USER_UNITS, "the page") if LENGTH.fullmatch(t) else 0.0 for t in (width, height)]
         box = [0.0, 0.0, *size]
     said = root.attributes.get("data-metres-per-unit", "")
     match = LENGTH.fullmatch(width)
     if metres_per_unit is None and said:
-        metres_per_unit = float(said)
+        metres_per_unit = _number(said, "data-metres-per-unit")
     elif metres_per_unit is None and match and match.group(2) in METRES and box[2] > 0.0:
         metres_per_unit = float(match.group(1)) * METRES[match.group(2)] / box[2]
     if metres_per_unit is None:
@@ -92,6 +92,13 @@ def _page_to_metres(root: Element, metres_per_unit: float | None) -> Array:
     x, y, _, rows = box
     k = metres_per_unit
     return np.array([[k, 0.0, -k * x], [0.0, -k, k * (y + rows)], [0.0, 0.0, 1.0]])
+
+
+def _number(text: str, attribute: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{attribute} of <svg> holds no number: {text[:40]!r}") from None
 
 
 def _drawn(root: Element, page: Array) -> Iterator[tuple[Element, Array]]:

@@ -64,7 +64,9 @@ def parse_xml(path: Path, data: bytes) -> Element:
     parser.EntityDeclHandler = entity
     try:
         parser.Parse(data, True)
-    except (expat.ExpatError, ValueError, LookupError) as error:
+    except expat.ExpatError as error:
+        raise SonarExploreError(f"{path.name}: no SVG, for it is no XML: {error}") from None
+    except (ValueError, LookupError) as error:
         raise SonarExploreError(f"{path.name}: {' '.join(str(error).split())}") from None
     return root.children[0]
 

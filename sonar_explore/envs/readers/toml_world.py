@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import shapely
 
-from sonar_explore.envs.readers.source import ReadOptions, read_bytes
+from sonar_explore.envs.readers.source import ReadOptions, read_bytes, why_undecoded
 from sonar_explore.envs.validation import validate
 from sonar_explore.envs.world import World
 from sonar_explore.errors import SonarExploreError
@@ -80,7 +80,7 @@ def read_toml(path: Path, options: ReadOptions) -> World:
     try:
         file = msgspec.toml.decode(data, type=WorldFile)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        said = " ".join(str(error).split())
+        said = why_undecoded(error, "TOML")
         raise SonarExploreError(f"{path.name}: {said}{_known_fields(said)}") from None
     except (
         RecursionError,
