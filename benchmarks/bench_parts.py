@@ -22,7 +22,8 @@ from sonar_explore.envs.simulator import Simulator, SimulatorConfig
 from sonar_explore.episodes.run import run_episode
 from sonar_explore.geometry import Pose, Segment
 from sonar_explore.mapping.frontiers import find_frontiers
-from sonar_explore.mapping.occupancy import OccupancyMapper, look_of
+from sonar_explore.mapping.looks import look_of
+from sonar_explore.mapping.occupancy import OccupancyMapper
 from sonar_explore.slam import Feature, FeatureKind, Link, make_slam
 
 

@@ -8,7 +8,7 @@ from sonar_explore.checks import check_numbers
 from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.envs.simulator import SimulatorConfig
 from sonar_explore.errors import SonarExploreError, unknown_name
-from sonar_explore.mapping.occupancy import MappingConfig
+from sonar_explore.mapping.looks import MappingConfig
 from sonar_explore.planning.candidates import CandidateConfig
 from sonar_explore.planning.driving import DrivingConfig
 from sonar_explore.planning.paths import PlanningConfig

@@ -16,7 +16,7 @@ from sonar_explore.envs.world import World
 from sonar_explore.episodes.run import run_episode
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Pose, wrap_angle
-from sonar_explore.mapping.occupancy import BINS, MappingConfig, look_of
+from sonar_explore.mapping.looks import BINS, MappingConfig, look_of
 from sonar_explore.reports.episode import episode_page
 from sonar_explore.ring import RingPlan
 from sonar_explore.slam.features import FeatureConfig, FeatureKind, extract_features

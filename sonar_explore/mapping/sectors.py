@@ -1,9 +1,8 @@
-"""The loops behind the grid: how far each direction is clear, which cells that clears, which a wall passes."""
+"""The loops behind the grid: which cells a scan clears, where the body has been, which cells a wall passes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,41 +12,8 @@ from sonar_explore.geometry import Array, Pose
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States
 
 Counts = NDArray[np.int32]
-_HAIR_M = 1e-6  # more than rounding can do to a distance along a ray that all but runs along a wall
 _HAIR_M2 = 1e-9  # nearer than this to the square of a limit the exact distance decides
 _RIM = 0.01  # nearer than this share of a sector of 1 degree to its rim the exact angle decides
-
-
-def cut_at_walls(
-    x: float, y: float, heading: float, clear_m: Array, barriers: Array, own: Array, margin_m: float
-) -> Array:
-    """Shorten each direction to the nearest barrier it meets.
-
-    Args:
-        x, y, heading: where the scan was taken, map frame, [m] and [rad].
-        clear_m: how far each of n equal sectors about the robot is clear, shape (n,), [m].
-        barriers, own: segments in the map frame, shape (k, 4), [m].
-        margin_m: how far before a barrier to stop, [m].
-    """
-    return cut_all_at_walls(
-        np.array([[x, y, heading]]), clear_m[None], barriers, own, np.array([0, len(own)]), margin_m
-    )[0]
-
-
-def cut_all_at_walls(
-    poses: Array, clear_m: Array, barriers: Array, own: Array, first: NDArray[np.int64], margin_m: float
-) -> Array:
-    """The same for many scans: poses x y [m] heading [rad], shape (k, 3), directions (k, n); own segments of scan i
-    are `own[first[i]:first[i + 1]]`."""
-    out = clear_m.copy()
-    beams = np.empty((2, 2 * clear_m.shape[1] + 8))
-    _cut_all(poses, out, barriers, own, first, margin_m, beams)
-    return out
-
-
-def in_reach(places: Array, reach_m: Array, segments: Array) -> Mask:
-    """Which places, shape (n, 2), have one of the segments within their reach, shape (n,), [m]."""
-    return np.asarray(_in_reach(places, reach_m, segments))
 
 
 class Sectors:
@@ -87,19 +53,22 @@ class Sectors:
             setattr(self, name, grown)
         self._windows[:, :2] += row, column
 
-    def put(
-        self, scans: Sequence[int], poses: Sequence[Pose], clear_m: Array, core_m: Sequence[Array]
-    ) -> None:
-        """What scans clear by direction, shape (n,) each, [m]; replaces what they cleared before. New ones come in
-        order."""
+    def put(self, scans: NDArray[np.int64], at: Array, clear_m: Array, core_m: Array) -> None:
+        """What scans clear by direction, shape (k, n) both, [m]; replaces what they cleared before. New ones come in
+        order.
+
+        Args:
+            scans: which, shape (k,).
+            at: where they stand, x y [m] heading [rad], shape (k, 3).
+        """
         if not len(scans):
             return
         after = np.empty((len(scans), 2, clear_m.shape[1]))
         after[:, 0], after[:, 1] = clear_m, core_m
-        self._make_room(max(self._scans, scans[-1] + 1), after)
-        self._scans = max(self._scans, scans[-1] + 1)
+        self._scans = max(self._scans, int(scans[-1]) + 1)
+        self._make_room(self._scans, after)
         _put(
-            *(np.array(scans), np.array([pose.as_row() for pose in poses]), after, self._at),
+            *(scans, at, after, self._at),
             *(self.cleared, self.core, self._places, self._clear_m, self._windows, self._sectors),
         )
 
@@ -135,11 +104,11 @@ class Sectors:
         self._cover(more, radius_m, 1)
         self._trails[index] = (pose, np.vstack([covered, more]))
 
-    def states(self, support: Array, core_weight: float, body_weight: float) -> States:
-        """Occupied where the support for a wall, shape (rows, columns), is more than what is against it; free where
-        something cleared the cell; else unknown; shape (rows, columns)."""
-        states = np.zeros(support.shape, dtype=np.uint8)
-        _decide(support, self.cleared, self.core, self._body, core_weight, body_weight, states)
+    def states(self, walls: Array, gaps: Array, core_weight: float, body_weight: float) -> States:
+        """Occupied where there is more evidence of a wall, or of a gap that is none, than against it; free where
+        something cleared the cell; else unknown; shape (rows, columns) all."""
+        states = np.zeros(walls.shape, dtype=np.uint8)
+        _decide(walls, gaps, self.cleared, self.core, self._body, core_weight, body_weight, states)
         return states
 
     def _cover(self, points: Array, radius_m: float, count: int) -> None:
@@ -161,8 +130,14 @@ def mark_segments(frame: GridFrame, evidence: Array, segments: Array, weight: fl
     _mark_segments(evidence, frame.x0, frame.y0, frame.resolution_m, segments, weight)
 
 
+def mark_points(frame: GridFrame, evidence: Array, points: Array, weight: float, marked: Mask) -> None:
+    """Add a weight to each cell that holds a point, once; points x y, map frame, shape (n, 2), [m]. `marked`: false
+    before and after, shape (rows, columns)."""
+    _mark_points(evidence, frame.x0, frame.y0, frame.resolution_m, points, weight, marked)
+
+
 @kernel
-def _decide(support, cleared, core, body, core_weight, body_weight, states):  # type: ignore[no-untyped-def]
+def _decide(walls, gaps, cleared, core, body, core_weight, body_weight, states):  # type: ignore[no-untyped-def]
     rows, columns = states.shape
     for row in range(rows):
         for column in range(columns):
@@ -170,7 +145,7 @@ def _decide(support, cleared, core, body, core_weight, body_weight, states):  # 
             against = core_weight * core[row, column]
             if been:
                 against += body_weight
-            if support[row, column] > max(0.0, against):
+            if max(walls[row, column], gaps[row, column]) > max(0.0, against):
                 states[row, column] = OCCUPIED
             elif been or cleared[row, column] > 0 or core[row, column] > 0:
                 states[row, column] = FREE
@@ -195,76 +170,16 @@ def _mark_segments(evidence, x0, y0, resolution, segments, weight):  # type: ign
 
 
 @lean_kernel
-def _cut_all(poses, clear, barriers, own, first, margin, beams):  # type: ignore[no-untyped-def]
-    """Sector b of a scan has the cosine and the sine of its middle in column b less the first that there can be of
-    `beams`, once it was asked for."""
-    for i in range(len(poses)):
-        x, y, heading = poses[i]
-        for b in range(beams.shape[1]):
-            beams[0, b] = np.inf
-        _cut(x, y, heading, clear[i], barriers, margin, beams)
-        _cut(x, y, heading, clear[i], own[first[i] : first[i + 1]], margin, beams)
-        for b in range(clear.shape[1]):
-            clear[i, b] = max(clear[i, b], 0.0)
-
-
-@lean_kernel
-def _cut(x, y, heading, clear, segments, margin, beams):  # type: ignore[no-untyped-def]
-    n = len(clear)
-    lowest = int(math.floor((-math.pi - heading) / (2.0 * math.pi) * n - 0.5 * n)) - 2
-    reach = 0.0
-    for b in range(n):
-        reach = max(reach, clear[b])
-    reach += margin
-    for i in range(len(segments)):
-        ax, ay = segments[i, 0] - x, segments[i, 1] - y
-        bx, by = segments[i, 2] - x, segments[i, 3] - y
-        ex, ey = bx - ax, by - ay
-        length2 = ex * ex + ey * ey
-        if length2 < 1e-12:
-            continue
-        t = min(1.0, max(0.0, -(ax * ex + ay * ey) / length2))
-        px, py = ax + t * ex, ay + t * ey
-        square = px * px + py * py
-        if square > reach * reach + _HAIR_M2 or math.hypot(px, py) > reach:
-            continue
-        nearest = math.sqrt(square) - margin - _HAIR_M  # no direction is cut shorter than this
-        start = (math.atan2(ay, ax) - heading) / (2.0 * math.pi) * n
-        turn = math.atan2(ax * by - ay * bx, ax * bx + ay * by) / (2.0 * math.pi) * n
-        if turn < 0.0:
-            start += turn
-            turn = -turn
-        # sectors whose middle ray meets the segment, and the ones that hold its ends
-        for b in range(int(math.floor(start)), int(math.floor(start + turn)) + 1):
-            if clear[b % n] < nearest:
-                continue
-            if beams[0, b - lowest] == np.inf:
-                middle = (b + 0.5) / n * 2.0 * math.pi + heading
-                beams[0, b - lowest], beams[1, b - lowest] = math.cos(middle), math.sin(middle)
-            c, s = beams[0, b - lowest], beams[1, b - lowest]
-            denominator = c * ey - s * ex
-            r = reach
-            if abs(denominator) > 1e-9:
-                r = (ax * ey - ay * ex) / denominator
-                along = (c * r - ax) * ex + (s * r - ay) * ey
-                if along < 0.0 or along > length2 or r < 0.0:
-                    r = min(math.hypot(ax, ay), math.hypot(bx, by))
-            clear[b % n] = min(clear[b % n], r - margin)
-
-
-@kernel
-def _in_reach(places, reach, segments):  # type: ignore[no-untyped-def]
-    """Which places, shape (n, 2), have a segment within their reach, shape (n,), and a hair more."""
-    out = np.zeros(len(places), dtype=np.bool_)
-    for i in range(len(places)):
-        for k in range(len(segments)):
-            ax, ay = segments[k, 0] - places[i, 0], segments[k, 1] - places[i, 1]
-            ex, ey = segments[k, 2] - segments[k, 0], segments[k, 3] - segments[k, 1]
-            t = min(1.0, max(0.0, -(ax * ex + ay * ey) / max(ex * ex + ey * ey, 1e-12)))
-            if math.hypot(ax + t * ex, ay + t * ey) <= reach[i] + 1e-6:
-                out[i] = True
-                break
-    return out
+def _mark_points(evidence, x0, y0, resolution, points, weight, marked):  # type: ignore[no-untyped-def]
+    rows, columns = evidence.shape
+    for again in (False, True):
+        for i in range(len(points)):
+            row = int(math.floor((points[i, 1] - y0) / resolution))
+            column = int(math.floor((points[i, 0] - x0) / resolution))
+            if 0 <= row < rows and 0 <= column < columns:
+                if not again and not marked[row, column]:
+                    evidence[row, column] += weight
+                marked[row, column] = not again
 
 
 @kernel

@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from sonar_explore.compiled import kernel
-from sonar_explore.geometry import Array, wrap_angle
+from sonar_explore.compiled import kernel, lean_kernel
+from sonar_explore.geometry import Array
 from sonar_explore.mapping.grid import Mask
 
 
@@ -31,11 +30,23 @@ def pivot_points(walls: Array, scan: NDArray[np.int64], within_m: float, turn_ra
         return out
     feet = 0.5 * (walls[:, :2] + walls[:, 2:])
     tangent = np.arctan2(walls[:, 3] - walls[:, 1], walls[:, 2] - walls[:, 0])
-    pairs = cKDTree(feet).query_pairs(within_m, output_type="ndarray")
-    turned = np.abs(wrap_angle(tangent[pairs[:, 0]] - tangent[pairs[:, 1]]))
-    pairs = pairs[(turned >= turn_rad) & (scan[pairs[:, 0]] != scan[pairs[:, 1]])]
-    out[pairs] = True
+    _mark_pivots(np.argsort(feet[:, 0]), feet, tangent, scan, within_m, turn_rad, out)
     return out
+
+
+@lean_kernel
+def _mark_pivots(order, feet, tangent, scan, within, turn, out):  # type: ignore[no-untyped-def]
+    """`order`: of the feet, by their x."""
+    for n in range(len(order)):
+        for m in range(n + 1, len(order)):
+            i, j = min(order[n], order[m]), max(order[n], order[m])
+            dx, dy = feet[order[m], 0] - feet[order[n], 0], feet[j, 1] - feet[i, 1]
+            if dx > within:
+                break
+            if dx * dx + dy * dy <= within * within and scan[i] != scan[j]:
+                turned = math.pi - (math.pi - (tangent[i] - tangent[j])) % (2.0 * math.pi)
+                if abs(turned) >= turn:
+                    out[i], out[j] = True, True
 
 
 def trimmed(walls: Array, points: Array, within_m: float) -> Array:
@@ -90,7 +101,31 @@ def bridges(walls: Array, gap_m: float) -> Array:
     if len(walls) < 2:
         return np.zeros((0, 4))
     ends = np.vstack([walls[:, :2], walls[:, 2:]])
-    owner = np.tile(np.arange(len(walls)), 2)
-    pairs = cKDTree(ends).query_pairs(gap_m, output_type="ndarray")
-    pairs = pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]]
-    return np.hstack([ends[pairs[:, 0]], ends[pairs[:, 1]]])
+    return np.asarray(_bridges(np.argsort(ends[:, 0]), ends, gap_m))
+
+
+@kernel
+def _bridges(order, ends, gap):  # type: ignore[no-untyped-def]
+    """`ends`: the first ends of all walls, then the second ones; `order`: of them, by their x."""
+    walls = len(ends) // 2
+    found, count = np.empty((len(ends), 4)), 0
+    for n in range(len(order)):
+        i = order[n]
+        for m in range(n + 1, len(order)):
+            j = order[m]
+            dx, dy = ends[j, 0] - ends[i, 0], ends[j, 1] - ends[i, 1]
+            if dx > gap:
+                break
+            if dx * dx + dy * dy > gap * gap or i % walls == j % walls:
+                continue
+            if count == len(found):
+                more = np.empty((2 * count, 4))
+                for k in range(count):
+                    for column in range(4):
+                        more[k, column] = found[k, column]
+                found = more
+            first, last = min(i, j), max(i, j)
+            found[count, 0], found[count, 1] = ends[first, 0], ends[first, 1]
+            found[count, 2], found[count, 3] = ends[last, 0], ends[last, 1]
+            count += 1
+    return found[:count]

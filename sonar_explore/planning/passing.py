@@ -10,11 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sonar_explore.amigobot import AmigoBot
-from sonar_explore.geometry import Array, wrap_angle
-from sonar_explore.mapping.grid import Mask
+from sonar_explore.compiled import inner_kernel, kernel
+from sonar_explore.geometry import Array
 
 NEAREST_M = 0.15  # the dead zone
 FARTHEST_M = 1.2  # beyond, the echoes of an edge spread as far as those of a wall
@@ -66,40 +65,50 @@ def walls_along(feet: Array, axes_rad: Array) -> Array:
         feet: x y of the echoes if they came from on the axis, shape (n, 2), [m].
         axes_rad: from the disc to them, shape (n,), [rad].
     """
-    x, y = feet.T
-    normal_x, normal_y = _along(axes_rad).T
-    off_x, off_y = x[None] - x[:, None], y[None] - y[:, None]
-    across = off_x * normal_x[:, None] + off_y * normal_y[:, None]
-    along = off_y * normal_x[:, None] - off_x * normal_y[:, None]
-    least, most = BESIDE_M
-    foot, other = np.nonzero((np.abs(across) <= LINE_M) & (np.abs(along) <= most))
-    in_line = np.abs(wrap_angle(axes_rad[other] - axes_rad[foot])) <= TURN_RAD
-    foot, other = foot[in_line], other[in_line]
-    along = along[foot, other]
-    both_sides = np.ones(len(feet), dtype=bool)
-    for side in (along, -along):
-        both_sides &= np.bincount(foot[(side >= least) & (side <= most)], minlength=len(feet)) > 0
-    sure = np.flatnonzero(both_sides)
-    if not len(sure):
-        return np.zeros((0, 4))
-    joined = np.zeros((len(feet), len(feet)), dtype=bool)
-    near = np.abs(along) <= JOINED_M
-    joined[foot[near], other[near]] = True
-    wall = joined_groups(joined[np.ix_(sure, sure)])
-    pieces = [_piece(feet[sure[wall == k]], axes_rad[sure[wall == k]]) for k in np.unique(wall)]
+    wall = np.empty(len(feet), dtype=np.int64)
+    _sort_by_wall(feet, _along(axes_rad), axes_rad, *BESIDE_M, wall)
+    pieces = [_piece(feet[wall == k], axes_rad[wall == k]) for k in np.unique(wall[wall >= 0])]
     return np.vstack([np.zeros((0, 4)), *pieces])
 
 
-def joined_groups(joined: Mask) -> NDArray[np.int64]:
-    """The first of those that each is joined to, directly or by others, in either direction, shape (k,)."""
-    joined = joined | joined.T
-    first = np.arange(len(joined))
-    while True:
-        lower = np.where(joined, first, len(first)).min(axis=1)
-        lower = lower[lower]
-        if (lower == first).all():
-            return first
-        first = lower
+@kernel
+def _sort_by_wall(feet, normals, axes, least, most, wall):  # type: ignore[no-untyped-def]
+    """The first echo of the wall that each one lies inside, -1 for one that lies inside none.
+
+    Echoes are of one wall if they are joined, directly or by others, in either direction.
+    """
+    for i in range(len(feet)):
+        left, right = False, False
+        for j in range(len(feet)):
+            along = _along_wall(feet, normals, axes, i, j, most)
+            left, right = left or -along >= least, right or (along >= least and along <= most)
+        wall[i] = len(feet) if left and right else -1
+    waiting = np.empty(len(feet), dtype=np.int64)
+    for first in range(len(feet)):
+        if wall[first] != len(feet):
+            continue
+        waiting[0], wall[first], count = first, first, 1
+        while count > 0:
+            count -= 1
+            i = waiting[count]
+            for j in range(len(feet)):
+                if wall[j] == len(feet) and (
+                    abs(_along_wall(feet, normals, axes, i, j, most)) <= JOINED_M
+                    or abs(_along_wall(feet, normals, axes, j, i, most)) <= JOINED_M
+                ):
+                    waiting[count], wall[j] = j, first
+                    count += 1
+
+
+@inner_kernel
+def _along_wall(feet, normals, axes, i, j, most):  # type: ignore[no-untyped-def]
+    """How far along the wall of echo i, up to so much, lies echo j, [m]; inf where it is not in line."""
+    off_x, off_y = feet[j, 0] - feet[i, 0], feet[j, 1] - feet[i, 1]
+    if not abs(off_x * normals[i, 0] + off_y * normals[i, 1]) <= LINE_M:
+        return np.inf
+    along = off_y * normals[i, 0] - off_x * normals[i, 1]
+    turned = math.pi - (math.pi - (axes[j] - axes[i])) % (2.0 * math.pi)
+    return along if abs(along) <= most and abs(turned) <= TURN_RAD else np.inf
 
 
 def _piece(feet: Array, axes_rad: Array) -> Array:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.geometry import Array, Pose
-from sonar_explore.mapping.occupancy import Look, OccupancyGrid, OccupancyMapper, look_of
+from sonar_explore.mapping.looks import Look, look_of
+from sonar_explore.mapping.occupancy import OccupancyGrid, OccupancyMapper
 from sonar_explore.measurement import Scan
 from sonar_explore.planning.paths import SafePaths
 from sonar_explore.slam import Slam

@@ -14,13 +14,8 @@ from sonar_explore.envs.simulator import Simulator, SimulatorConfig
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Pose
 from sonar_explore.mapping.grid import FREE, OCCUPIED, UNKNOWN, window
-from sonar_explore.mapping.occupancy import (
-    BINS,
-    Look,
-    MappingConfig,
-    OccupancyMapper,
-    look_of,
-)
+from sonar_explore.mapping.looks import BINS, Look, MappingConfig, look_of
+from sonar_explore.mapping.occupancy import OccupancyMapper
 from sonar_explore.mapping.walls import bridges, pivot_points, shortened, trimmed
 from sonar_explore.slam import FeatureKind, SlamConfig
 from sonar_explore.slam.features import extract_features

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sonar_explore.geometry import Pose
+from sonar_explore.mapping.cuts import cut_at_walls
 from sonar_explore.mapping.grid import GridFrame
-from sonar_explore.mapping.sectors import Sectors, cut_at_walls, mark_segments
+from sonar_explore.mapping.sectors import Sectors, mark_segments
 
 REACH_M = 1.0
 seeds = st.integers(0, 10_000)
@@ -21,7 +22,7 @@ def random_put(rng):
 
 
 def put_one(sectors, index, pose, clear, core):
-    sectors.put([index], [pose], clear[None], [core])
+    sectors.put(np.array([index]), np.array([pose.as_row()]), clear[None], core[None])
 
 
 def covering(frame, pose):
@@ -55,7 +56,8 @@ def test_putting_replacing_and_growing_gives_what_a_fresh_draw_gives(seed):
     assert (sectors.core == fresh.core).all()
     for i, pose in enumerate(seats):
         fresh.trail(i, pose, trails[i], 0.18)
-    body = [s.states(np.zeros(frame.shape), 1.0, 1.0) for s in (sectors, fresh)]
+    nothing = np.zeros(frame.shape)
+    body = [s.states(nothing, nothing, 1.0, 1.0) for s in (sectors, fresh)]
     assert (body[0] == body[1]).all() and body[0].any()
 
 
@@ -145,7 +147,8 @@ def test_scans_that_are_put_together_count_as_they_do_one_by_one(seed):
         sectors.resize(frame)
     for _ in range(3):
         poses, clear, core = zip(*puts, strict=True)
-        together.put(range(len(puts)), poses, np.array(clear), core)
+        at = np.array([pose.as_row() for pose in poses])
+        together.put(np.arange(len(puts)), at, np.array(clear), np.array(core))
         for index, put in enumerate(puts):
             put_one(single, index, *put)
         puts = [

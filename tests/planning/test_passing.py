@@ -12,9 +12,17 @@ from scipy.sparse.csgraph import connected_components
 from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.envs.simulator import Simulator, SimulatorConfig
 from sonar_explore.envs.world import World
-from sonar_explore.geometry import Pose
+from sonar_explore.geometry import Pose, wrap_angle
 from sonar_explore.planning.driving import Driver, DrivingConfig
-from sonar_explore.planning.passing import HALF_LENGTH_M, joined_groups, walls_along
+from sonar_explore.planning.passing import (
+    BESIDE_M,
+    HALF_LENGTH_M,
+    JOINED_M,
+    LINE_M,
+    TURN_RAD,
+    _sort_by_wall,
+    walls_along,
+)
 
 CONFIG = SimulatorConfig(noise=noise_preset("ideal"))
 UP = 0.5 * math.pi
@@ -96,11 +104,33 @@ def test_what_was_passed_is_forgotten_once_a_scan_was_taken():
     assert driver.walls_passed().shape == (0, 4)
 
 
-@given(st.integers(1, 30), st.integers(0, 60), st.integers(0, 2**32 - 1))
-def test_echoes_are_of_one_wall_where_others_between_them_join_them(count, links, seed):
+def sorted_by_wall(feet, axes):
+    """The plain form: all pairs at once."""
+    normals = np.column_stack([np.cos(axes), np.sin(axes)])
+    off = feet[None] - feet[:, None]
+    across = (off * normals[:, None]).sum(axis=2)
+    along = off[:, :, 1] * normals[:, None, 0] - off[:, :, 0] * normals[:, None, 1]
+    in_line = (np.abs(across) <= LINE_M) & (np.abs(wrap_angle(axes[None] - axes[:, None])) <= TURN_RAD)
+    least, most = BESIDE_M
+    right, left = (((side >= least) & (side <= most) & in_line).any(axis=1) for side in (along, -along))
+    sure = np.flatnonzero(right & left)
+    joined = (in_line & (np.abs(along) <= JOINED_M))[np.ix_(sure, sure)]
+    _, groups = connected_components(joined, directed=False)
+    wall = np.full(len(feet), -1)
+    for group in np.unique(groups):
+        wall[sure[groups == group]] = sure[groups == group][0]
+    return wall
+
+
+@given(st.integers(0, 80), st.integers(0, 2**32 - 1))
+def test_echoes_are_of_one_wall_where_others_between_them_join_them(count, seed):
     rng = np.random.default_rng(seed)
-    joined = np.eye(count, dtype=bool)
-    joined[rng.integers(count, size=links), rng.integers(count, size=links)] = True
-    wall = joined_groups(joined)
-    _, expected = connected_components(joined, directed=False)
-    np.testing.assert_array_equal(np.unique(wall, return_inverse=True)[1], expected)
+    lines = rng.uniform(-0.2, 0.2, 3), rng.uniform(-0.15, 0.15, 3)
+    line = rng.integers(0, 3, count)
+    axes = lines[1][line] + rng.normal(0.0, 0.05, count)
+    feet = np.column_stack([rng.uniform(0.0, 2.5, count), lines[0][line] + rng.normal(0.0, 0.01, count)])
+    turn = rng.uniform(-3.0, 3.0)
+    feet, axes = Pose(0.3, -0.2, turn).transform(feet), axes + UP + turn
+    wall = np.empty(count, dtype=np.int64)
+    _sort_by_wall(feet, np.column_stack([np.cos(axes), np.sin(axes)]), axes, *BESIDE_M, wall)
+    assert wall.tolist() == sorted_by_wall(feet, axes).tolist()

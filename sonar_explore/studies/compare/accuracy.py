@@ -13,7 +13,8 @@ from sonar_explore.config import ExplorationConfig
 from sonar_explore.episodes.record import Pose3, Stats
 from sonar_explore.episodes.scoring import Scorer
 from sonar_explore.geometry import Array, Pose, wrap_angle
-from sonar_explore.mapping.occupancy import OccupancyMapper, look_of
+from sonar_explore.mapping.looks import look_of
+from sonar_explore.mapping.occupancy import OccupancyMapper
 from sonar_explore.slam import Feature, ScanUpdate, Slam, make_slam
 from sonar_explore.slam.dual import surviving
 from sonar_explore.studies.compare.drives import Drive

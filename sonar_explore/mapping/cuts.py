@@ -1,0 +1,171 @@
+"""How far the directions of a scan are clear before walls."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
+from sonar_explore.geometry import Array
+from sonar_explore.mapping.grid import Mask
+
+_HAIR_M = 1e-6  # more than rounding can do to a distance along a ray that all but runs along a wall
+_HAIR_M2 = 1e-9  # nearer than this to the square of a limit the exact distance decides
+
+
+def cut_at_walls(
+    x: float, y: float, heading: float, clear_m: Array, barriers: Array, own: Array, margin_m: float
+) -> Array:
+    """Shorten each direction to the nearest barrier it meets.
+
+    Args:
+        x, y, heading: where the scan was taken, map frame, [m] and [rad].
+        clear_m: how far each of n equal sectors about the robot is clear, shape (n,), [m].
+        barriers, own: segments in the map frame, shape (k, 4), [m].
+        margin_m: how far before a barrier to stop, [m].
+    """
+    return cut_all_at_walls(
+        np.array([0]),
+        np.array([[x, y, heading]]),
+        clear_m[None],
+        barriers,
+        own,
+        np.ones(len(own), dtype=bool),
+        np.array([0, len(own)]),
+        margin_m,
+    )[0]
+
+
+def cut_all_at_walls(
+    scans: NDArray[np.int64],
+    at: Array,
+    clear_m: Array,
+    barriers: Array,
+    own: Array,
+    real: Mask,
+    first: NDArray[np.int64],
+    margin_m: float,
+) -> Array:
+    """The same for some of many scans, shape (k, n).
+
+    Args:
+        scans: which, shape (k,).
+        at, clear_m: x y [m] heading [rad] and directions of all scans, shape (m, 3) and (m, n).
+        own: segments of scan i are `own[first[i]:first[i + 1]]`, those of them that are real, shape (j,).
+    """
+    out = clear_m[scans]
+    if len(scans):
+        beams, room = np.empty((2, 2 * out.shape[1] + 8)), np.empty((len(barriers) + len(own), 4))
+        _cut_all(scans, at, out, barriers, own, real, first, margin_m, beams, room)
+    return out
+
+
+def in_reach(places: Array, reach_m: Array, segments: Array) -> Mask:
+    """Which places, shape (n, 2), have one of the segments within their reach, shape (n,), [m]."""
+    return np.asarray(_in_reach(places, reach_m, segments))
+
+
+@lean_kernel
+def _cut_all(scans, at, clear, barriers, own, real, first, margin, beams, room):  # type: ignore[no-untyped-def]
+    """Sector b of a scan has the cosine and the sine of its middle in column b less the first that there can be of
+    `beams`, once it was asked for. `room` is for the segments that may be met."""
+    near = _near(scans, at, clear, barriers, margin, room)
+    for i in range(len(scans)):
+        scan, count = scans[i], near
+        for k in range(first[scan], first[scan + 1]):
+            if real[k]:
+                _copy(own[k], room[count])
+                count += 1
+        for b in range(beams.shape[1]):
+            beams[0, b] = np.inf
+        _cut(at[scan, 0], at[scan, 1], at[scan, 2], clear[i], room, count, margin, beams)
+        for b in range(clear.shape[1]):
+            clear[i, b] = max(clear[i, b], 0.0)
+
+
+@inner_kernel
+def _near(scans, at, clear, barriers, margin, room):  # type: ignore[no-untyped-def]
+    """Which barriers lie near the box about all of these scans, into `room`: how many."""
+    reach = 0.0
+    low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
+    for i in range(len(scans)):
+        x, y = at[scans[i], 0], at[scans[i], 1]
+        low_x, low_y, high_x, high_y = min(low_x, x), min(low_y, y), max(high_x, x), max(high_y, y)
+        for b in range(clear.shape[1]):
+            reach = max(reach, clear[i, b])
+    reach += 2.0 * margin
+    count = 0
+    for k in range(len(barriers)):
+        ax, ay, bx, by = barriers[k, 0], barriers[k, 1], barriers[k, 2], barriers[k, 3]
+        beside = max(ax, bx) < low_x - reach or min(ax, bx) > high_x + reach
+        if not (beside or max(ay, by) < low_y - reach or min(ay, by) > high_y + reach):
+            _copy(barriers[k], room[count])
+            count += 1
+    return count
+
+
+@inner_kernel
+def _copy(segment, to):  # type: ignore[no-untyped-def]
+    for column in range(4):
+        to[column] = segment[column]
+
+
+@inner_kernel
+def _cut(x, y, heading, clear, segments, count, margin, beams):  # type: ignore[no-untyped-def]
+    n = len(clear)
+    lowest = int(math.floor((-math.pi - heading) / (2.0 * math.pi) * n - 0.5 * n)) - 2
+    reach = 0.0
+    for b in range(n):
+        reach = max(reach, clear[b])
+    reach += margin
+    for i in range(count):
+        ax, ay = segments[i, 0] - x, segments[i, 1] - y
+        bx, by = segments[i, 2] - x, segments[i, 3] - y
+        ex, ey = bx - ax, by - ay
+        length2 = ex * ex + ey * ey
+        if length2 < 1e-12:
+            continue
+        t = min(1.0, max(0.0, -(ax * ex + ay * ey) / length2))
+        px, py = ax + t * ex, ay + t * ey
+        square = px * px + py * py
+        if square > reach * reach + _HAIR_M2 or math.hypot(px, py) > reach:
+            continue
+        nearest = math.sqrt(square) - margin - _HAIR_M  # no direction is cut shorter than this
+        start = (math.atan2(ay, ax) - heading) / (2.0 * math.pi) * n
+        turn = math.atan2(ax * by - ay * bx, ax * bx + ay * by) / (2.0 * math.pi) * n
+        if turn < 0.0:
+            start += turn
+            turn = -turn
+        # sectors whose middle ray meets the segment, and the ones that hold its ends
+        for b in range(int(math.floor(start)), int(math.floor(start + turn)) + 1):
+            if clear[b % n] < nearest:
+                continue
+            if beams[0, b - lowest] == np.inf:
+                middle = (b + 0.5) / n * 2.0 * math.pi + heading
+                beams[0, b - lowest], beams[1, b - lowest] = math.cos(middle), math.sin(middle)
+            c, s = beams[0, b - lowest], beams[1, b - lowest]
+            denominator = c * ey - s * ex
+            r = reach
+            if abs(denominator) > 1e-9:
+                r = (ax * ey - ay * ex) / denominator
+                along = (c * r - ax) * ex + (s * r - ay) * ey
+                if along < 0.0 or along > length2 or r < 0.0:
+                    r = min(math.hypot(ax, ay), math.hypot(bx, by))
+            clear[b % n] = min(clear[b % n], r - margin)
+
+
+@kernel
+def _in_reach(places, reach, segments):  # type: ignore[no-untyped-def]
+    """Which places, shape (n, 2), have a segment within their reach, shape (n,), and a hair more."""
+    out = np.zeros(len(places), dtype=np.bool_)
+    for i in range(len(places)):
+        for k in range(len(segments)):
+            ax, ay = segments[k, 0] - places[i, 0], segments[k, 1] - places[i, 1]
+            ex, ey = segments[k, 2] - segments[k, 0], segments[k, 3] - segments[k, 1]
+            t = min(1.0, max(0.0, -(ax * ex + ay * ey) / max(ex * ex + ey * ey, 1e-12)))
+            if math.hypot(ax + t * ex, ay + t * ey) <= reach[i] + 1e-6:
+                out[i] = True
+                break
+    return out

@@ -1,0 +1,110 @@
+"""The evidence of all scans in the map frame: placed anew where a scan is believed to stand elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonar_explore.geometry import Array, Pose, wrap_angle
+from sonar_explore.mapping.looks import BINS, Look
+
+
+class Rows:
+    """Rows of all scans, one scan after the other."""
+
+    def __init__(self, columns: int) -> None:
+        self._held: Array = np.empty((64, columns))
+        self._first: NDArray[np.int64] = np.zeros(65, dtype=np.int64)
+        self._scans = 0
+
+    @property
+    def all(self) -> Array:
+        """Shape (rows, columns)."""
+        return self._held[: self._first[self._scans]]
+
+    @property
+    def first(self) -> NDArray[np.int64]:
+        """Those of scan i are the rows from `first[i]` to `first[i + 1]`, shape (scans + 1,)."""
+        return self._first[: self._scans + 1]
+
+    def put(self, scan: int, rows: Array) -> None:
+        """Those of a scan, shape (n, columns), instead of those of before; new ones come in order."""
+        if scan == self._scans:
+            self._make_room(len(rows))
+            self._scans += 1
+            self._first[scan + 1] = self._first[scan] + len(rows)
+        more = len(rows) - int(self._first[scan + 1] - self._first[scan])
+        if more:
+            end, after = self._first[scan + 1], self.all[self._first[scan + 1] :].copy()
+            self._make_room(max(0, more))
+            self._held[end + more : end + more + len(after)] = after
+            self._first[scan + 1 :] += more
+        self._held[self._first[scan] : self._first[scan + 1]] = rows
+
+    def _make_room(self, more: int) -> None:
+        """For one scan, and for so many rows."""
+        if self._scans + 2 > len(self._first):
+            self._first = np.concatenate([self._first, np.zeros_like(self._first)])
+        while self._first[self._scans] + more > len(self._held):
+            self._held = np.concatenate([self._held, np.empty_like(self._held)])
+
+
+class Evidence:
+    """What scans say, by scan, and where each stands; map frame, [m] and [rad]."""
+
+    def __init__(self, still_m: float, lever_m: float) -> None:
+        """
+        Args:
+            still_m: a scan that no point of moved farther than this stays where it is,
+            lever_m: if its points are no farther from it than this.
+        """
+        self._still_m, self._lever_m = still_m, lever_m
+        self.poses: list[Pose] = []
+        """Where the scans are placed."""
+        self._believed: list[Pose] = []
+        self._looks: list[Look] = []
+        self.believed_at = Rows(2)
+        """Where they were last believed to stand, x y."""
+        self.at = Rows(3)
+        """`poses`, x y heading."""
+        self.clear_m, self.core_m, self.reach_m = Rows(BINS), Rows(BINS), Rows(1)
+        """As `Look` has them."""
+        self.walls, self.continuations, self.passed, self.points = Rows(4), Rows(4), Rows(4), Rows(2)
+
+    def place(self, poses: Sequence[Pose], looks: Sequence[Look]) -> None:
+        """Place what scans say that are new or stand elsewhere now."""
+        known = len(self.poses)
+        for i, (pose, look) in enumerate(zip(poses, looks, strict=True)):
+            if i >= known or pose is not self._believed[i] or look is not self._looks[i]:
+                self._put(i, pose, look)
+
+    def _put(self, scan: int, pose: Pose, look: Look) -> None:
+        self.believed_at.put(scan, np.array([[pose.x, pose.y]]))
+        self._believed[scan : scan + 1] = [pose]
+        if scan < len(self.poses) and self._is_still(self.poses[scan], pose):
+            if look is self._looks[scan]:
+                return
+            pose = self.poses[scan]
+        self.poses[scan : scan + 1] = [pose]
+        self._looks[scan : scan + 1] = [look]
+        self.at.put(scan, np.array([pose.as_row()]))
+        self.clear_m.put(scan, look.clear_m[None])
+        self.core_m.put(scan, look.core_m[None])
+        self.reach_m.put(scan, np.array([[look.reach_m]]))
+        placed, begin = pose.transform(look.outline), 0
+        kinds = (
+            (self.walls, look.walls),
+            (self.continuations, look.continuations),
+            (self.passed, look.passed),
+            (self.points, look.points),
+        )
+        for rows, own in kinds:
+            end = begin + own.size // 2
+            rows.put(scan, placed[begin:end].reshape(own.shape))
+            begin = end
+
+    def _is_still(self, placed: Pose, pose: Pose) -> bool:
+        turned_m = abs(wrap_angle(pose.heading - placed.heading)) * self._lever_m
+        return placed is pose or placed.distance_to(pose) + turned_m <= self._still_m
