@@ -13,21 +13,40 @@ UPHILL = 0.01
 
 
 @kernel
-def descended(problem, blocks, dims, poses, still, huber, renew, steps, touched):  # type: ignore[no-untyped-def]
+def descended(  # type: ignore[no-untyped-def]
+    kinds,
+    ends,
+    measured,
+    values,
+    rows,
+    starts,
+    factors,
+    order,
+    rank,
+    layout,
+    struct,
+    factor,
+    dims,
+    poses,
+    still,
+    huber,
+    renew,
+    steps,
+    touched,
+):
     """Step by step until no pose moves by more than `still`; the number of steps.
 
     A step that leads uphill is taken back: what had been linearised before and was thought to have changed too little
     is made anew, and where that does not help, the step is halved.
 
     Args:
-        problem: kinds, ends, measured, values and rows of a `FactorGraph`; values and rows change.
-        blocks: `elimination.Blocks`; the factor changes.
+        kinds: with all up to `rows` those of a `FactorGraph`; values and rows change.
+        starts: with all up to `factor` those of `elimination.Blocks`; the factor changes.
+        dims: how many numbers each variable has.
         poses: the variables that must stand still.
         still: x, y [m], heading [rad].
         touched: variables whose blocks must be made in any case.
     """
-    kinds, ends, measured, values, rows = problem
-    starts, factors, order, rank, layout, struct, factor = blocks
     step, done = np.empty_like(values), np.empty_like(values)
     row, off = np.empty((3, 11)), np.empty(3)
     kept, share, lowest = values.copy(), 1.0, np.inf

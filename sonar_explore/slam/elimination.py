@@ -17,12 +17,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
+from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array
 from sonar_explore.slam.cholesky import covariances
-from sonar_explore.slam.factor_graph import CONSTANTS, FactorGraph
+from sonar_explore.slam.factor_graph import CONSTANTS, FactorGraph, doubled
 
-FILLED = 1.3
+POSE_DIMS = 4
+"""Numbers of a scan's pose; no other variable has as many."""
+FILLED = 1.2
 """A factor with so many times the entries that it had when the order was found, by the number, wants a new one."""
 
 
@@ -56,18 +58,22 @@ class Elimination:
     """The factor of a graph that grows."""
 
     def __init__(self) -> None:
-        self._order: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
-        """The variables, first eliminated first, the constants last."""
-        self._rank: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+        self._variables = 0
+        """How many were laid out."""
+        self._order: NDArray[np.int64] = np.zeros(64, dtype=np.int64)
+        """The variables, first eliminated first, the constants last; as far as `_used` says."""
+        self._rank: NDArray[np.int64] = np.zeros(64, dtype=np.int64)
         """Where each stands in it, -1 for one that nothing is measured of any more."""
-        self._parent: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+        self._parent: NDArray[np.int64] = np.full(64, -1)
         """Of each variable in the elimination tree, -1 for the root."""
+        self._layout: NDArray[np.int64] = np.zeros((64, 6), dtype=np.int64)
+        self._starts: NDArray[np.int64] = np.zeros(65, dtype=np.int64)
+        self._factors: NDArray[np.int64] = np.zeros(512, dtype=np.int64)
         self._dims: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
-        self._layout: NDArray[np.int64] = np.zeros((0, 6), dtype=np.int64)
         self._struct: NDArray[np.int64] = np.zeros(1024, dtype=np.int64)
         self._factor: Array = np.zeros(8192)
-        self._used: NDArray[np.int64] = np.zeros(2, dtype=np.int64)
-        """So far, of the two above."""
+        self._used: NDArray[np.int64] = np.zeros(3, dtype=np.int64)
+        """So far, of the two above, and of the order."""
         self._sparse = np.inf
         """Numbers in the factor when the order was found, by the number of unknowns."""
         self._filled = True
@@ -79,32 +85,29 @@ class Elimination:
             touched: variables that have new factors, or lost some, shape (variables,); becomes those whose blocks must
                 be made anew.
         """
-        size = graph.variables + 1, 2 * graph.factors
-        starts, factors = np.zeros(size[0], dtype=np.int64), np.empty(size[1], dtype=np.int64)
-        _list_factors(graph.ends, starts, factors)
-        found = self._filled
+        self._grow(graph)
+        found, known, n = self._filled, self._variables, graph.variables
         if found:
-            self._order = ordered(graph)
-        elif len(self._rank) < graph.variables:
-            new = np.arange(len(self._rank), graph.variables)
-            self._order = np.concatenate([self._order[:-1], new, self._order[-1:]])
-        self._dims = graph.dims
-        self._grow(graph.variables)
-        self._rank[:] = -1
-        self._rank[self._order] = np.arange(len(self._order))
-        if found:
+            known = n
+            order = ordered(graph)
+            self._order[: len(order)], self._used[2] = order, len(order)
             self._clear(touched)
-        while not _lay_out(
-            *(starts, factors, graph.ends, self._order, self._rank, self._dims, touched),
-            *(self._parent, self._layout, self._struct, self._used, len(self._factor)),
-        ):
+        while True:
+            entries = _lay_out(
+                *(graph.ends, graph.dims, touched, known, self._starts, self._factors, self._order),
+                *(self._rank, self._parent, self._layout, self._struct, self._used, len(self._factor)),
+            )
+            known = n
+            if entries >= 0.0:
+                break
             self._struct = np.zeros(2 * len(self._struct), dtype=np.int64)
             self._factor = np.zeros(2 * len(self._factor))
             self._clear(touched)
-        entries = float(self._layout[self._order, SIZE].sum() / self._dims[self._order].sum())
+        self._dims, self._variables = graph.dims, n
         self._sparse = entries if found else self._sparse
         self._filled = entries > FILLED * self._sparse
-        return Blocks(starts, factors, self._order, self._rank, self._layout, self._struct, self._factor)
+        order, rank, layout = self._order[: self._used[2]], self._rank[:n], self._layout[:n]
+        return Blocks(self._starts, self._factors, order, rank, layout, self._struct, self._factor)
 
     @property
     def tree(self) -> Tree:
@@ -138,24 +141,39 @@ class Elimination:
     def copy(self) -> Elimination:
         """As it is now."""
         out = copy(self)
-        for name in ("_rank", "_parent", "_layout", "_struct", "_factor", "_used"):
+        for name in (
+            "_order",
+            "_rank",
+            "_parent",
+            "_layout",
+            "_starts",
+            "_factors",
+            "_struct",
+            "_factor",
+            "_used",
+        ):
             setattr(out, name, getattr(self, name).copy())
         return out
 
-    def _grow(self, variables: int) -> None:
-        new = variables - len(self._rank)
-        if new > 0:
-            self._rank = np.concatenate([self._rank, np.full(new, -1)])
-            self._parent = np.concatenate([self._parent, np.full(new, -1)])
-            self._layout = np.concatenate([self._layout, np.zeros((new, 6), dtype=np.int64)])
+    def _grow(self, graph: FactorGraph) -> None:
+        while len(self._rank) < graph.variables:
+            for name in ("_order", "_rank", "_parent", "_layout"):
+                setattr(self, name, doubled(getattr(self, name)))
+            self._starts = np.zeros(len(self._rank) + 1, dtype=np.int64)
+        while len(self._factors) < 2 * graph.factors:
+            self._factors = doubled(self._factors)
 
     def _clear(self, touched: NDArray[np.bool_]) -> None:
         """Nothing is eliminated."""
-        self._layout[:], self._used[:], touched[:] = 0, 0, True
+        self._layout[:], self._used[:2], touched[:] = 0, 0, True
 
 
 def ordered(graph: FactorGraph) -> NDArray[np.int64]:
-    """The variables that anything is measured of by minimum degree, and the constants."""
+    """The variables that anything is measured of by minimum degree, and the constants.
+
+    The last scan and what it heard come last of all: the next scan will be tied to them, and what is changed late in
+    the order changes little else (the constrained order of iSAM2).
+    """
     used = np.unique(graph.ends)
     used = used[used > CONSTANTS]
     order = np.empty(len(used), dtype=np.int64)
@@ -164,14 +182,17 @@ def ordered(graph: FactorGraph) -> NDArray[np.int64]:
     tied = np.zeros((len(used), len(used)), dtype=bool)
     first, second = number[graph.ends[graph.ends[:, 1] >= 0]].T
     tied[first, second] = tied[second, first] = True
-    _minimum_degree(tied, graph.dims[used], order)
+    last = np.flatnonzero(graph.dims[used] == POSE_DIMS)[-1:]
+    late = np.array(tied[last].any(axis=0))
+    late[last] = True
+    _minimum_degree(tied, graph.dims[used], late, order)
     return np.append(used[order], CONSTANTS)
 
 
 @kernel
-def _minimum_degree(tied, dims, order):  # type: ignore[no-untyped-def]
+def _minimum_degree(tied, dims, late, order):  # type: ignore[no-untyped-def]
     """Always the variable with fewest numbers tied to it is eliminated next, which ties all of them (Tinney and
-    Walker 1967); of several, the oldest."""
+    Walker 1967); of several, the oldest. The `late` ones wait until none else is left."""
     n = len(dims)
     degree, done = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.bool_)
     for i in range(n):
@@ -182,7 +203,9 @@ def _minimum_degree(tied, dims, order):  # type: ignore[no-untyped-def]
     for p in range(n):
         v = -1
         for i in range(n):
-            if not done[i] and (v < 0 or degree[i] < degree[v]):
+            if done[i] or (v >= 0 and late[i] and not late[v]):
+                continue
+            if v < 0 or (late[v] and not late[i]) or degree[i] < degree[v]:
                 v = i
         order[p], done[v] = v, True
         count = 0
@@ -201,15 +224,17 @@ def _minimum_degree(tied, dims, order):  # type: ignore[no-untyped-def]
                     degree[j] += dims[i]
 
 
-@lean_kernel
-def _list_factors(ends, starts, factors):  # type: ignore[no-untyped-def]
-    """Those of each variable but the constants: variable k has `factors[starts[k]:starts[k + 1]]`."""
+@inner_kernel
+def _list_factors(ends, n, starts, factors):  # type: ignore[no-untyped-def]
+    """Those of each of n variables but the constants: variable k has `factors[starts[k]:starts[k + 1]]`."""
+    for k in range(n + 1):
+        starts[k] = 0
     for f in range(len(ends)):
         for side in range(2):
             if ends[f, side] >= 0:
                 starts[ends[f, side]] += 1
     total = 0
-    for k in range(len(starts)):
+    for k in range(n + 1):
         total += starts[k]
         starts[k] = total
     for f in range(len(ends) - 1, -1, -1):
@@ -219,16 +244,39 @@ def _list_factors(ends, starts, factors):  # type: ignore[no-untyped-def]
                 factors[starts[ends[f, side]]] = f
 
 
+@inner_kernel
+def _rank_new(order, used, known, n, rank, parent):  # type: ignore[no-untyped-def]
+    """Variables from `known` on are in no order yet: they come last in it, before the constants; the rank of all."""
+    for v in range(known, n):
+        order[used[2] - 1], order[used[2]], parent[v] = v, 0, -1
+        used[2] += 1
+    for v in range(n):
+        rank[v] = -1
+    for p in range(used[2]):
+        rank[order[p]] = p
+
+
 @kernel
-def _lay_out(starts, factors, ends, order, rank, dims, touched, parent, layout, struct, used, capacity):  # type: ignore[no-untyped-def]
-    """Which rows each block of columns has, for the touched and for all above them; whether there was room.
+def _lay_out(  # type: ignore[no-untyped-def]
+    ends, dims, touched, known, starts, factors, order, rank, parent, layout, struct, used, capacity
+):
+    """Which rows each block of columns has, for the touched and for all above them.
 
     Those of its factors, and those of its children in the elimination tree (George and Liu 1981).
+
+    Args:
+        known: how many variables there were when it was last laid out.
+
+    Returns:
+        How many numbers the factor has by each unknown, -1 where there was no room.
     """
-    n = len(rank)
+    n = len(dims)
+    _list_factors(ends, n, starts, factors)
+    _rank_new(order, used, known, n, rank, parent)
     child, sibling = np.full(n, -1), np.empty(n, dtype=np.int64)
     stamp, found = np.full(n, -1), np.empty(n, dtype=np.int64)
-    for p in range(len(order)):
+    entries = unknowns = 0
+    for p in range(used[2]):
         v = order[p]
         if touched[v]:
             count = 0
@@ -251,13 +299,15 @@ def _lay_out(starts, factors, ends, order, rank, dims, touched, parent, layout, 
                 k = sibling[k]
             _sort(found, count, rank)
             if not _allot(v, found, count, dims, layout, struct, used, capacity):
-                return False
+                return -1.0
             parent[v] = found[0] if count else -1
+        entries += layout[v, 4]
+        unknowns += dims[v]
         q = parent[v]
         if q >= 0:
             sibling[v], child[q] = child[q], v
             touched[q] = touched[q] or touched[v]
-    return True
+    return entries / unknowns
 
 
 @inner_kernel

@@ -63,9 +63,9 @@ class SmoothingConfig:
     """Of the radius of a column by how widely it is heard, relative."""
     iterations: int = 6
     """Gauss-Newton steps a scan at most, with Cauchy's loss; after a merge half as many with Huber's come first."""
-    still_m: float = 0.005
+    still_m: float = 0.02
     """A step that moves no scan farther is the last, [m]."""
-    still_rad: float = 0.002
+    still_rad: float = 0.008
     """Nor turns any by more, [rad]."""
     settled_m: float = 0.002
     """Scans, and what they heard, stay where they were placed until the solution has moved them by more, [m],"""
@@ -85,9 +85,12 @@ class Smoother:
         self._graph = FactorGraph()
         self._graph.add_variable(0.0, 0.0, 0.0)
         self._constant_sigmas = (*wheel_sigmas, config.range_scale)
-        self._scans: list[int] = []
-        """The variable of each scan's pose, and of each chain's line."""
+        self._scans: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+        """The variable of each scan's pose."""
+        self._last_solved = -1
+        """That of the last one that was solved."""
         self._chains: dict[int, int] = {}
+        """The variable of each chain's line."""
         self._widths: dict[int, tuple[int, int, float]] = {}
         """Of a column's variable: the factor of its radius, how often it was heard, the sum of its radii by width."""
         self.known_points = KnownPoints()
@@ -145,7 +148,7 @@ class Smoother:
         """
         graph = self._graph
         here = graph.add_variable(pose.x, pose.y, pose.heading, 0.0)
-        if not self._scans:
+        if not len(self._scans):
             start = self._start
             graph.add_factor(FactorKind.START, here, -1, (start.x, start.y, start.heading))
             graph.add_factor(FactorKind.ROBOT, here, -1, [1.0 / sigma for sigma in self._constant_sigmas])
@@ -155,7 +158,7 @@ class Smoother:
             white = np.linalg.inv(np.linalg.cholesky(motion.covariance))[_LOWER]
             parts = white, motion.change, motion.by_wheels.ravel(), motion.by_own
             graph.add_factor(FactorKind.ODOMETRY, self._scans[-1], here, np.concatenate(parts).tolist())
-        self._scans.append(here)
+        self._scans = np.append(self._scans, here)
 
     def add_sighting(self, sighting: Sighting) -> None:
         """A wall on a chain; the first one of a chain makes its line."""
@@ -252,13 +255,14 @@ class Smoother:
         touched[graph.ends[self._known :]] = True
         blocks = self._elimination.lay_out(graph, touched)
         problem = graph.kinds, graph.ends, graph.measured, graph.values, graph.rows
-        poses, still = np.array(self._scans), (config.still_m, config.still_m, config.still_rad)
+        poses, still = self._scans, (config.still_m, config.still_m, config.still_rad)
         for huber in (True, False) if self._far_off else (False,):
             steps = config.iterations // 2 if huber else config.iterations
-            descended(problem, blocks, graph.dims, poses, still, huber, config.renew, steps, touched)
+            descended(*problem, *blocks, graph.dims, poses, still, huber, config.renew, steps, touched)
         self._changed.clear()
         self._far_off = False
         self._solved, self._known = graph.variables, graph.factors
+        self._last_solved = int(self._scans[-1])
 
     def _linearise(
         self, huber: bool, tolerance: float, rows: Array, slope: Array, touched: NDArray[np.bool_]
@@ -312,8 +316,7 @@ class Smoother:
     def solved(self) -> tuple[NDArray[np.int64], int, Array, *Tree]:
         """What kernels find covariances by: the variable of each scan, that of the last one that was solved, -1 before
         there is any, the values of all variables, and the tree of elimination."""
-        last = self._last_solved if self._solved else -1
-        return np.array(self._scans), last, self._graph.values, *self._elimination.tree
+        return self._scans, self._last_solved, self._graph.values, *self._elimination.tree
 
     def near(
         self, here: Array, reach_m: float, known: tuple[NDArray[np.int64], Array]
@@ -321,7 +324,7 @@ class Smoother:
         """Which of the points, as numbers and places, are in reach of any of these places, shape (n, 2), [m], and how
         unsure each is, seen from the last scan: variance in any direction, [m2], shape (k,)."""
         numbers, places = known
-        rows, last = np.empty(len(numbers), dtype=np.int64), self._last_solved if self._solved else -1
+        rows, last = np.empty(len(numbers), dtype=np.int64), self._last_solved
         values, tree = self._graph.values, self._elimination.tree
         found: Array = near_points(
             here, reach_m, numbers, places, self.known_points.rows, last, values, *tree, rows
@@ -342,11 +345,6 @@ class Smoother:
             values, tree = self._graph.values, self._elimination.tree
             point_covariances(variables, bound, at, self._last_solved, values, *tree, out)
         return out
-
-    @property
-    def _last_solved(self) -> int:
-        """The variable of the last pose that the solution has."""
-        return next(k for k in reversed(self._scans) if k < self._solved)
 
     def _direction(self, sighting: Sighting) -> float:
         """Of the normal or of the point, map frame, [rad]."""

@@ -199,6 +199,21 @@ def test_the_order_takes_what_is_tied_to_least_first_and_the_constants_last():
     assert order.index(3) >= 4  # the middle of the star, when it is as good as the last leaf
 
 
+def test_the_last_scan_and_what_it_heard_come_last_in_the_order_but_for_the_constants():
+    graph = FactorGraph()
+    graph.add_variable(0.0, 0.0, 0.0)
+    scans = [graph.add_variable(*np.zeros(4)) for _ in range(5)]
+    lines = [graph.add_variable(0.0, 0.0) for _ in range(6)]
+    for scan in scans[:-1]:
+        for line in lines:
+            graph.add_factor(FactorKind.LINE, scan, line, ())
+    for line in lines[2:4]:
+        graph.add_factor(FactorKind.LINE, scans[-1], line, ())
+    order = elimination.ordered(graph).tolist()
+    assert set(order[-4:-1]) == {scans[-1], *lines[2:4]}
+    assert order[-1] == 0 and sorted(order) == list(range(12))
+
+
 def test_a_copy_goes_its_own_way():
     grown = chain_of(20)
     by = np.eye(4, 2)[None]
