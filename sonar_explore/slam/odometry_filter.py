@@ -60,6 +60,9 @@ class FilterConfig:
     """Distance between a feature and the line it belongs to, [m]."""
     gate_share: float = 0.997
     """Of true associations are believable: angle and distance together are no farther off than expected."""
+    rival: float = 4.0
+    """Where a wall may be of several lines, those that fit it worse than the best by more, in squared standard
+    deviations, are not its: the sides of a bay are metres long, and a few degrees of heading tell them apart."""
     huber_sigmas: float = 1.0
     """Associations farther off than this count less the farther they are."""
     least_heading_rad: float = math.radians(0.5)
@@ -168,15 +171,19 @@ class OdometryFilter:
         self.covariance = np.zeros((SIZE, SIZE))
         self.covariance[OWN, OWN] = own
 
-    def believable(self, residuals: Residuals, relative: Array | None = None) -> NDArray[np.bool_]:
+    def believable(
+        self, residuals: Residuals, relative: Array | None = None, features: NDArray[np.intp] | None = None
+    ) -> NDArray[np.bool_]:
         """Which associations the odometry allows, shape (n,).
 
         Args:
             relative: what the filter does not know of: covariance of the heading, and of the place along the normal,
                 relative to each line when the filter was restarted, shape (n, 2, 2), [rad] and [m].
+            features: which wall of the scan each is of, shape (n,): a wall that meets one line much better than
+                another is not of both, even where alone it might be of the other. None where that is not asked.
         """
         n = len(residuals.adr_rad)
-        if not self.config.enabled:
+        if not self.config.enabled or not n:
             return np.ones(n, dtype=bool)
         self._spread()
         expected, off = np.empty((n, 2, 2)), np.empty((n, 2))
@@ -187,9 +194,12 @@ class OdometryFilter:
         if relative is not None:
             expected += relative
         squared = (off * np.linalg.solve(expected, off[:, :, None])[:, :, 0]).sum(axis=1)
-        return np.asarray(
-            squared <= -2.0 * math.log(1.0 - self.config.gate_share)
-        )  # chi-squared, two degrees
+        allowed = squared <= -2.0 * math.log(1.0 - self.config.gate_share)  # chi-squared, two degrees
+        if features is not None:
+            best = np.full(int(features.max()) + 1, np.inf)
+            np.minimum.at(best, features, squared)
+            allowed &= squared <= best[features] + self.config.rival
+        return np.asarray(allowed)
 
     def corrected(self, pose: Pose, residuals: Residuals, sweeps_rad: Array) -> Pose:
         """The pose after the kept associations: heading by ADR, position by NDR.

@@ -87,6 +87,21 @@ def test_the_believable_are_as_many_of_the_true_ones_as_is_said():
     assert contrary.mean() < 0.98
 
 
+def test_a_wall_that_meets_one_line_well_is_not_of_the_next_that_it_meets_badly():
+    """Two sides of a bay, 10 degrees apart: by heading alone the wall may be of either after a drive."""
+    belief, here = OdometryFilter(ON), Pose(0.0, 0.0, 0.0)
+    for _ in range(40):
+        here = belief.moved(here, Pose(0.0, 0.0, 0.0), Pose(0.1, 0.0, 0.0))
+    ahead = np.tile([1.0, 0.0], (3, 1))
+    two = residuals(np.radians([0.5, 10.0, 10.0]), 0.0, ahead)
+    assert belief.believable(two).all()
+    assert belief.believable(two, None, np.array([0, 0, 1])).tolist() == [True, False, True]
+    alike = residuals(np.radians([3.0, -3.0]), 0.0, ahead[:2])
+    assert belief.believable(
+        alike, None, np.array([0, 0])
+    ).all()  # either may be it: the two lines may be one
+
+
 @settings(deadline=None, max_examples=30)
 @given(st.floats(0.1, 3.0), st.floats(-3.0, 3.0))
 def test_the_farther_the_drive_the_more_is_believed(distance, heading):
