@@ -18,6 +18,7 @@ from sonar_explore.planning.candidates import Candidate, CandidateFinder
 from sonar_explore.planning.driving import DriveEnd, Driver, DriveReport
 from sonar_explore.planning.offers import Offers
 from sonar_explore.planning.paths import path_length, sampled, straightened
+from sonar_explore.planning.polyline import spaced
 from sonar_explore.planning.surroundings import Surroundings
 from sonar_explore.robot import Robot
 from sonar_explore.slam import Chain, ScanUpdate, Slam
@@ -206,21 +207,19 @@ class Explorer:
     def _all_traced(self, odometry: Array) -> Array:
         """`_traced` at each of these readings of the odometry: x y [m] heading [rad], shape (n, 3) both."""
         poses = self._slam.predict_along(odometry)
-        for x, y, heading in poses.tolist():
-            self._note(x, y, heading)
+        self._note(poses)
         return poses
 
     def _traced(self) -> Pose:
         """`pose`, noting the way every 5 cm."""
         here = self.pose()
-        self._note(here.x, here.y, here.heading)
+        self._note(np.array([here.as_row()]))
         return here
 
-    def _note(self, x: float, y: float, heading: float) -> None:
-        last = self._leg_trail[-1] if self._leg_trail else None
-        if last is None or math.hypot(last.x - x, last.y - y) >= 0.05:
-            self._leg_trail.append(Pose(x, y, heading))
-            self._surroundings.add_body(self._leg_trail[-1])
+    def _note(self, poses: Array) -> None:
+        for here in spaced(poses, self._leg_trail[-1] if self._leg_trail else None, 0.05):
+            self._leg_trail.append(here)
+            self._surroundings.add_body(here)
 
     def _remember_shut(self, report: DriveReport) -> None:
         self._surroundings.add_obstacle(self.pose(), report.obstacle)

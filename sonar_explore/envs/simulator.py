@@ -27,6 +27,7 @@ from sonar_explore.envs.world import World
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
 from sonar_explore.planning.leg import BUMPED, Leg
+from sonar_explore.planning.polyline import spaced
 from sonar_explore.ring import RingPlan
 
 SCAN_STEP_RAD = math.radians(4.0)  # section IV: 90 readings a turn
@@ -179,10 +180,8 @@ class Simulator:
         leg.echoes.holds(held)
         leg.since_glance_m, leg.listened = float(progress[SINCE_GLANCE]), bool(progress[LISTENED])
         self.time_s, self.driven_m = progress[[TIME, DRIVEN]].tolist()
-        for x, y, heading in trues[:ticks].tolist():
-            last = self.true_trail[-1] if self.true_trail else None
-            if last is None or math.hypot(last.x - x, last.y - y) >= 0.05:
-                self.true_trail.append(Pose(x, y, heading))
+        last = self.true_trail[-1] if self.true_trail else None
+        self.true_trail += spaced(trues[:ticks], last, 0.05)
         if ticks:
             touching = leg.end == BUMPED
             self.contacts += touching and not (ticks == 1 and self.bumper)

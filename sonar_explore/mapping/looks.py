@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from sonar_explore.compiled import lean_kernel
 from sonar_explore.geometry import Array
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.features import Feature, FeatureKind, compensated_ranges
@@ -94,14 +95,10 @@ def look_of(scan: Scan, features: Sequence[Feature], config: MappingConfig) -> L
     nearest = _nearest_on_circle(sorted_bearings, bins)
     clear = np.minimum(ranges[order][nearest] - config.wall_margin_m, config.free_range_m)
     core = np.zeros(BINS)
-    for f in features:
-        off = np.abs((bins - f.bearing_rad + math.pi) % (2.0 * math.pi) - math.pi)
-        inside = off <= 0.5 * f.width_rad
-        clear[inside] = np.minimum(clear[inside], f.range_m - config.wall_margin_m)
-        if f.kind is FeatureKind.WALL:
-            centre = off <= config.core_rad
-            core[centre] = np.maximum(core[centre], f.range_m - config.wall_margin_m)
     walls = [f for f in features if f.kind is FeatureKind.WALL]
+    heard = [(f.bearing_rad, f.width_rad, f.range_m, f.kind is FeatureKind.WALL) for f in features]
+    rows = np.array(heard, dtype=float).reshape(-1, 4)
+    _hear(rows, bins, config.wall_margin_m, config.core_rad, clear, core)
     return Look(
         clear_m=np.maximum(clear, 0.0),
         core_m=core,
@@ -111,6 +108,19 @@ def look_of(scan: Scan, features: Sequence[Feature], config: MappingConfig) -> L
             [f.segment.midpoint for f in features if f.kind is not FeatureKind.WALL], dtype=float
         ).reshape(-1, 2),
     )
+
+
+@lean_kernel
+def _hear(features, bins, margin, core_rad, clear, core):  # type: ignore[no-untyped-def]
+    """What features say of the bins about them; each is bearing, width [rad], range [m] and whether it is a wall."""
+    for k in range(len(features)):
+        range_m = features[k, 2] - margin
+        for b in range(len(bins)):
+            off = abs((bins[b] - features[k, 0] + math.pi) % (2.0 * math.pi) - math.pi)
+            if off <= 0.5 * features[k, 1]:
+                clear[b] = min(clear[b], range_m)
+            if features[k, 3] > 0.0 and off <= core_rad:
+                core[b] = max(core[b], range_m)
 
 
 def _from_centre(scan: Scan, reach_m: float) -> tuple[Array, Array]:

@@ -100,11 +100,11 @@ class CandidateFinder:
             return ()
         area = new_area(grid, cells, self._body, self._config.view_m)
         places = grid.frame.centres(cells)
-        spans = self._spans.of(chains)
-        dangling = np.array(
-            [c.dangling and tried is not None and tried.get(c.id, 0) < 2 for c in chains], dtype=bool
-        )
-        certain = np.array([c.root_probability if not c.dangling else 0.0 for c in chains])
+        known = self._spans.of(chains)
+        spans, dangling = known.spans, np.zeros(len(chains), dtype=bool)
+        if tried is not None:
+            for i in np.flatnonzero(known.dangling).tolist():
+                dangling[i] = tried.get(known.ids[i], 0) < 2
         meets = self._answered(places, spans[dangling], grid)
         meets[meets] = self._answered(places[meets], spans[~dangling], grid)
         length = paths.costs_to_m(cells)
@@ -114,17 +114,16 @@ class CandidateFinder:
         rank = np.where(enough, area, 0.0) + 0.2 * meets
         chosen = self._spread(places, np.where(worth, rank / (1.0 + length), 0.0))
         answers = self._answers(places[chosen], spans, grid)
-        certainty = _certainty(certain, np.array([c.root.segment.direction for c in chains]), answers)
-        ids = [c.id for c in chains]
+        certainty = _certainty(known.certain, known.directions, answers)
         return tuple(
             Candidate(
                 x=x,
                 y=y,
                 path_length_m=float(length[i]),
                 new_area_m2=float(area[i]),
-                chains=tuple(compress(ids, answering)),
+                chains=tuple(compress(known.ids, answering)),
                 certainty=sure,
-                missing_links=tuple(compress(ids, dangles)) if meets[i] else (),
+                missing_links=tuple(compress(known.ids, dangles)) if meets[i] else (),
             )
             for i, (x, y), answering, dangles, sure in zip(
                 chosen,

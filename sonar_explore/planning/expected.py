@@ -3,41 +3,70 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array
-from sonar_explore.mapping.grid import Mask
+from sonar_explore.mapping.grid import OCCUPIED, Mask
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.slam.chains import Chain
 
 
+class ChainRows(NamedTuple):
+    """Chains as rows of arrays, in their order."""
+
+    ids: list[int]
+    spans: Array
+    """Unit vector x y along the root, distance of its links across, their extent along, shape (n, 5), [m]."""
+    directions: Array
+    """Of the roots, shape (n,), [rad]."""
+    certain: Array
+    """P(root), 0 of dangling ones, shape (n,)."""
+    dangling: Mask
+    """Shape (n,)."""
+
+
 class ChainSpans:
-    """The line and the extent of each chain, kept while the chain stays as it is."""
+    """The rows of each chain, kept while the chain stays as it is."""
 
     def __init__(self) -> None:
-        self._known: dict[int, tuple[Chain, Array]] = {}
+        self._known: dict[int, tuple[Chain, tuple[float, ...]]] = {}
+        self._chains: tuple[Chain, ...] = ()
+        self._rows = _as_rows((), [])
 
-    def of(self, chains: Sequence[Chain]) -> Array:
-        """Unit vector x y along the root, distance of its links across, their extent along, shape (n, 5), [m]."""
-        rows = np.empty((len(chains), 5))
-        for row, chain in zip(rows, chains, strict=True):
-            known = self._known.get(chain.id)
-            if known is None or known[0] is not chain:
-                known = self._known[chain.id] = (chain, _span(chain))
-            row[:] = known[1]
-        return rows
+    def of(self, chains: Sequence[Chain]) -> ChainRows:
+        """Not to be written to: they are those of before where no chain has changed."""
+        same = len(chains) == len(self._chains)
+        if not (same and all(map(operator.is_, chains, self._chains))):
+            rows = []
+            for chain in chains:
+                known = self._known.get(chain.id)
+                if known is None or known[0] is not chain:
+                    known = self._known[chain.id] = (chain, _row(chain))
+                rows.append(known[1])
+            self._chains, self._rows = tuple(chains), _as_rows(chains, rows)
+        return self._rows
 
 
-def _span(chain: Chain) -> Array:
+def _as_rows(chains: Sequence[Chain], rows: list[tuple[float, ...]]) -> ChainRows:
+    table = np.array(rows, dtype=float).reshape(-1, 7)
+    dangling = np.array([chain.dangling for chain in chains], dtype=bool)
+    spans, directions, certain = table[:, :5].copy(), table[:, 5].copy(), table[:, 6].copy()
+    return ChainRows([chain.id for chain in chains], spans, directions, certain, dangling)
+
+
+def _row(chain: Chain) -> tuple[float, ...]:
     direction = chain.root.segment.direction
     along = np.array([math.cos(direction), math.sin(direction)])
     across = np.array([-along[1], along[0]])
     ends = np.array([link.segment.as_row() for link in chain.links]).reshape(-1, 2)
     reach = ends @ along
-    return np.array([*along, np.mean(ends @ across), reach.min(), reach.max()])
+    span = (*along, np.mean(ends @ across), reach.min(), reach.max())
+    return *span, direction, 0.0 if chain.dangling else chain.root_probability
 
 
 def expected_chains(
@@ -51,12 +80,12 @@ def expected_chains(
     out = np.zeros((len(places), len(spans)), dtype=bool)
     frame = grid.frame
     corner = frame.x0, frame.y0, frame.resolution_m
-    _expect(places, spans, near_m, far_m, grows_m, grid.occupied, *corner, out)
+    _expect(places, spans, near_m, far_m, grows_m, grid.states, *corner, out)
     return out
 
 
 @kernel
-def _expect(places, spans, near, far, grows, occupied, x0, y0, resolution, out):  # type: ignore[no-untyped-def]
+def _expect(places, spans, near, far, grows, states, x0, y0, resolution, out):  # type: ignore[no-untyped-def]
     for k in range(len(spans)):
         cos, sin, distance, low, high = spans[k]
         for i in range(len(places)):
@@ -67,18 +96,18 @@ def _expect(places, spans, near, far, grows, occupied, x0, y0, resolution, out):
             offset = distance - (y * cos - x * sin)
             if near <= abs(offset) <= far:
                 foot_x, foot_y = x - offset * sin, y + offset * cos
-                out[i, k] = _in_sight(occupied, x0, y0, resolution, x, y, foot_x, foot_y)
+                out[i, k] = _in_sight(states, x0, y0, resolution, x, y, foot_x, foot_y)
 
 
 @inner_kernel
-def _in_sight(occupied, x0, y0, resolution, x, y, fx, fy):  # type: ignore[no-untyped-def]
+def _in_sight(states, x0, y0, resolution, x, y, fx, fy):  # type: ignore[no-untyped-def]
     """Whether no occupied cell stands more than 15 cm before the foot."""
     length = math.hypot(fx - x, fy - y)
-    rows, columns = occupied.shape
+    rows, columns = states.shape
     for k in range(int((length - 0.15) / resolution)):
         share = (k + 0.5) * resolution / length
         row = int(math.floor((y + (fy - y) * share - y0) / resolution))
         column = int(math.floor((x + (fx - x) * share - x0) / resolution))
-        if 0 <= row < rows and 0 <= column < columns and occupied[row, column]:
+        if 0 <= row < rows and 0 <= column < columns and states[row, column] == OCCUPIED:
             return False
     return True

@@ -11,7 +11,8 @@ import math
 import numpy as np
 
 from sonar_explore.compiled import lean_kernel
-from sonar_explore.geometry import Array
+from sonar_explore.geometry import Array, Pose
+from sonar_explore.sums import hypot
 
 
 def fewer_corners(path: Array, tolerance_m: float) -> Array:
@@ -29,6 +30,25 @@ def fewer_corners(path: Array, tolerance_m: float) -> Array:
             kept[corner] = True
             left += [(corner, last), (first, corner)]
     return path[kept]
+
+
+def spaced(poses: Array, last: Pose | None, step_m: float) -> list[Pose]:
+    """Those of some poses on a way, x y [m] heading [rad], shape (n, 3), that lie so far or farther from the one taken
+    before; `last` was taken before the first."""
+    places = np.empty(len(poses), dtype=np.int64)
+    x, y = (math.inf, math.inf) if last is None else (last.x, last.y)
+    return [Pose(*poses[i].tolist()) for i in places[: _spaced(poses, x, y, step_m, places)].tolist()]
+
+
+@lean_kernel
+def _spaced(poses, x, y, step, places):  # type: ignore[no-untyped-def]
+    count = 0
+    for i in range(len(poses)):
+        if x == np.inf or hypot(poses[i, 0] - x, poses[i, 1] - y) >= step:
+            places[count] = i
+            count += 1
+            x, y = poses[i, 0], poses[i, 1]
+    return count
 
 
 @lean_kernel

@@ -110,15 +110,17 @@ def test_a_chain_answers_just_where_the_foot_of_the_normal_falls_on_it_in_reach(
     along, across = pose.inverse().transform(places).T
     expected = (np.abs(along) <= 0.7) & (np.abs(across) >= 0.2) & (np.abs(across) <= 2.0)
     clear = OccupancyGrid(FRAME, np.full(FRAME.shape, FREE, dtype=np.uint8))
-    assert (expected_chains(places, ChainSpans().of([chain(wall)]), clear, 0.2, 2.0)[:, 0] == expected).all()
+    assert (
+        expected_chains(places, ChainSpans().of([chain(wall)]).spans, clear, 0.2, 2.0)[:, 0] == expected
+    ).all()
 
 
 def test_the_span_of_a_chain_is_that_of_its_links_now():
     first, longer = Segment(0, 1, 1, 1), Segment(2, 1, 3, 1)
     spans, short = ChainSpans(), chain(first)
-    assert spans.of([short])[0] == pytest.approx((1.0, 0.0, 1.0, 0.0, 1.0))
+    assert spans.of([short]).spans[0] == pytest.approx((1.0, 0.0, 1.0, 0.0, 1.0))
     grown = replace(short, links=(*short.links, *chain(longer).links))
-    assert spans.of([grown])[0] == pytest.approx((1.0, 0.0, 1.0, 0.0, 3.0))
+    assert spans.of([grown]).spans[0] == pytest.approx((1.0, 0.0, 1.0, 0.0, 3.0))
 
 
 def test_a_chain_behind_a_wall_does_not_answer():
@@ -126,7 +128,7 @@ def test_a_chain_behind_a_wall_does_not_answer():
     states[:, 50] = OCCUPIED
     wall, places = Segment(3.2, 1.0, 3.2, 3.0), np.array([[1.5, 2.0], [2.8, 2.0]])
     grid = OccupancyGrid(FRAME, states)
-    assert expected_chains(places, ChainSpans().of([chain(wall)]), grid, 0.2, 2.0)[:, 0].tolist() == [
+    assert expected_chains(places, ChainSpans().of([chain(wall)]).spans, grid, 0.2, 2.0)[:, 0].tolist() == [
         False,
         True,
     ]
