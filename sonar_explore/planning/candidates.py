@@ -29,8 +29,8 @@ class CandidateConfig:
     """How far a scan is expected to clear, [m]."""
     least_room_m: float = 0.38
     """Distance of a place from known walls, [m]: nearer ones are in the dead zone, 0.20 m before the disc."""
-    least_room_daring_m: float = 0.25
-    """And where ways lead through gaps that are narrower than twice that, [m]: from before them little is seen."""
+    least_room_narrow_m: float = 0.25
+    """And in a door narrower than twice that, where nothing else is left, [m]: from before it little is seen."""
     chain_grows_m: float = 0.4
     """How far beyond its links a chain is expected to go on, [m]: a new link may lie half a door away."""
     least_area_m2: float = 0.5
@@ -84,6 +84,7 @@ class CandidateFinder:
         scanned: Array,
         put_aside: Array,
         tried: Mapping[int, int] | None,
+        worth: CandidateConfig | None = None,
     ) -> tuple[Candidate, ...]:
         """The most promising places, the largest new area per path first.
 
@@ -94,11 +95,14 @@ class CandidateFinder:
             scanned: scan positions so far, shape (n, 2), map frame, [m].
             put_aside: places that could not be got to, shape (k, 2), map frame, [m].
             tried: how often the missing link of each dangling chain was looked for; None where none is any more.
+            worth: which places are worth a scan; None as configured.
         """
-        cells = self._lattice(grid, paths, np.vstack([scanned, put_aside]))
+        worth = worth or self._config
+        cells = paths.roomiest(grid.to_walls_m, worth.least_room_m, worth.spacing_m)
+        cells = cells[_away_from(grid.frame.centres(cells), np.vstack([scanned, put_aside]), worth.apart_m)]
         if not len(cells):
             return ()
-        area = new_area(grid, cells, self._body, self._config.view_m)
+        area = new_area(grid, cells, self._body, worth.view_m)
         places = grid.frame.centres(cells)
         known = self._spans.of(chains)
         spans, dangling = known.spans, np.zeros(len(chains), dtype=bool)
@@ -108,11 +112,10 @@ class CandidateFinder:
         meets = self._answered(places, spans[dangling], grid)
         meets[meets] = self._answered(places[meets], spans[~dangling], grid)
         length = paths.costs_to_m(cells)
-        least = self._config.least_area_m2 + self._config.area_per_m * length
-        enough = area >= np.minimum(least, max(self._config.least_area_m2, self._config.enough_m2))
-        worth = enough | meets
+        least = worth.least_area_m2 + worth.area_per_m * length
+        enough = area >= np.minimum(least, max(worth.least_area_m2, worth.enough_m2))
         rank = np.where(enough, area, 0.0) + 0.2 * meets
-        chosen = self._spread(places, np.where(worth, rank / (1.0 + length), 0.0))
+        chosen = self._spread(places, np.where(enough | meets, rank / (1.0 + length), 0.0))
         answers = self._answers(places[chosen], spans, grid)
         certainty = _certainty(known.certain, known.directions, answers)
         return tuple(
@@ -145,13 +148,6 @@ class CandidateFinder:
     def roomy(self, grid: OccupancyGrid, cells: Cells) -> Mask:
         """Which cells, shape (n, 2), are far enough from known walls for a scan, shape (n,)."""
         return np.asarray(grid.to_walls_m[cells[:, 0], cells[:, 1]] >= self._config.least_room_m)
-
-    def _lattice(self, grid: OccupancyGrid, paths: SafePaths, taken: Array) -> Cells:
-        """In each square of the lattice, the reachable cell with the most room; none near a place taken."""
-        config, spacing_m = self._config, self._config.spacing_m
-        least_m = config.least_room_daring_m if paths.daring else config.least_room_m
-        cells = paths.roomiest(grid.to_walls_m, least_m, spacing_m)
-        return cells[_away_from(grid.frame.centres(cells), taken, self._config.apart_m)]
 
     def _spread(self, places: Array, score: Array) -> list[int]:
         """The best places, none within twice the lattice spacing of a better one while others are left."""

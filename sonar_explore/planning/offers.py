@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.geometry import Array, Pose
-from sonar_explore.planning.candidates import Candidate, CandidateFinder
+from sonar_explore.planning.candidates import Candidate, CandidateConfig, CandidateFinder
 from sonar_explore.planning.driving import DriveEnd
 from sonar_explore.planning.loops import blocks_of, open_loops, went_round
 from sonar_explore.planning.paths import path_length
@@ -27,6 +28,8 @@ DOUBT_AREA_PER_M = 0.05  # [m2/m], and for each metre of the way; the share belo
 DOUBT_AREA_ENOUGH_M2 = 1.5  # more counts for nothing, outside is any amount: so none leads beyond 30 m
 BEHIND_M2 = 0.5  # [m2] free that only daring or doubt leads to make a place worth that,
 BEHIND_M = 2.0  # [m], where they lie within so much of it: a room whose door looks shut was seen into
+DOOR_M2 = 0.75  # of a room so much is seen from before its door: worth any way where nothing else is left
+FEW_M = 30.0  # [m]: where no more was driven and nothing seems left, a door that looks shut is likelier than a hut
 DOUBTED_M = 0.75  # places nearer to one that was tried so are not tried again
 SECOND_CHANCE_AFTER_M2 = 4.0  # of free space found since the last one
 LOOP_TRIPS = 12  # drives to close loops
@@ -39,6 +42,19 @@ LINK_SHARE = (
 LINK_LEAST_M = 3.0  # [m], and so much more: where the pose is off, every scan leaves chains that dangle
 RETRACES = 4  # times that the way it came may turn out shut: it has moved with poses that were corrected
 SAME_PLACE_M = 0.05  # nearer to a place put aside is that place: elsewhere the robot has stood
+SHUT_NEAR_M = 1.5  # stopped farther from a place than this, the way was shut and not the place
+
+
+@dataclass
+class _Shut:
+    """A drive that found its way shut."""
+
+    place: Anchored
+    """Where it was going,"""
+    at: Anchored
+    """and where it ended."""
+    left: bool = False
+    """Whether the robot has gone elsewhere since."""
 
 
 class Offers:
@@ -51,9 +67,13 @@ class Offers:
         self._slam = slam
         self._finder = finder
         self._config = config
+        worth = config.candidates  # and what is, where nothing is left by that
+        self._before_doors = replace(worth, enough_m2=min(DOOR_M2, worth.enough_m2))
+        self._in_doors = replace(worth, least_room_m=min(worth.least_room_narrow_m, worth.least_room_m))
+        self._blindly = replace(worth, enough_m2=min(DOUBT_AREA_M2, worth.enough_m2))
         self._found: dict[tuple[object, ...], tuple[Candidate, ...]] = {}
-        self._put_aside: list[Anchored] = []
-        """Places that the way to was shut, anchored to scans: they move with a correction."""
+        self._shut: list[_Shut] = []
+        """Drives that found their way shut, anchored to scans: they move with a correction."""
         self._tried: dict[int, int] = {}
         """How often the robot has gone to meet each dangling chain."""
         self._doubts = DOUBTS
@@ -71,6 +91,8 @@ class Offers:
         """What may be spent on daring and doubts farther off than `NEAR_M`, [m]."""
         self._links_m = LINK_LEAST_M
         """What may be spent on meeting dangling chains alone, [m]."""
+        self._driven_m = 0.0
+        """Since the start."""
         self.goal: tuple[float, float] | None = None
         """Where the last drive was going when it stopped for a scan, map frame, [m]; None where it was not."""
         self.gave_up = False
@@ -89,6 +111,7 @@ class Offers:
             candidates = self._dared(pose, math.inf if hemmed_in else far_m)
             candidates = candidates or (self._back_out(pose) if hemmed_in else ())
             candidates = candidates or self._doubted_walls(pose, far_m)
+        candidates = candidates or self._before_the_end(pose)
         candidates = candidates or self._second_chance(pose)
         if not candidates:
             self.gave_up = self._is_kept_from_something(pose)
@@ -102,6 +125,7 @@ class Offers:
 
     def learn(self, candidate: Candidate, end: DriveEnd, here: Pose, driven_m: float) -> None:
         """How the way there went, where the robot stands now, and how far it drove, [m]."""
+        self._driven_m += driven_m
         far = self._surroundings.daring and candidate.path_length_m > NEAR_M
         self._far_m += -driven_m if far else FAR_SHARE * driven_m
         nothing_new = candidate.new_area_m2 < self._config.candidates.least_area_m2
@@ -110,7 +134,9 @@ class Offers:
         if self._surroundings.retracing:
             self._retraces = self._retraces - 1 if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED) else RETRACES
         if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED):
-            self._put_aside.append(self._surroundings.anchored(*place))
+            self._shut.append(
+                _Shut(self._surroundings.anchored(*place), self._surroundings.anchored(here.x, here.y))
+            )
         if self._closing and end is not DriveEnd.UNDERWAY:
             self._loop_goals.append(self._surroundings.anchored(*place))
         self.goal = place if end is DriveEnd.UNDERWAY else None
@@ -119,44 +145,87 @@ class Offers:
             # it looks from here, wherever it was going
             self._doubted.append(self._surroundings.anchored(here.x, here.y))
 
-    def _near(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
+    def _near(
+        self, pose: Pose, within_m: float, worth: CandidateConfig | None = None
+    ) -> tuple[Candidate, ...]:
         """Of the places worth a scan, those so near; looked for among all only where something near is worth one."""
+        aside = self._put_aside(pose)
         if within_m < OFFERED_M and not self._candidates(
-            pose, self._put_aside, within_m + NEARLY_M, near=True
+            pose, aside, within_m + NEARLY_M, near=True, worth=worth
         ):
             return ()
-        found = self._candidates(pose, self._put_aside, max(within_m, OFFERED_M))
+        found = self._candidates(pose, aside, max(within_m, OFFERED_M), worth=worth)
         return tuple(c for c in found if c.path_length_m <= within_m)
 
+    def _put_aside(self, pose: Pose) -> list[tuple[float, float]]:
+        """Places not to be offered here, x y, [m]: the robot was stopped near them, or on two ways there.
+
+        One that it was stopped far from is another matter once the robot has gone elsewhere: there may be a way from
+        there.
+        """
+        places = self._surroundings.placed([shut.place for shut in self._shut])
+        stops = self._surroundings.placed([shut.at for shut in self._shut])
+        apart_m = self._config.candidates.apart_m
+        aside = []
+        for shut, (x, y), (at_x, at_y) in zip(self._shut, places, stops, strict=True):
+            shut.left |= math.hypot(pose.x - at_x, pose.y - at_y) > SHUT_NEAR_M
+            twice = sum(math.hypot(x - a, y - b) <= apart_m for a, b in places) > 1
+            if twice or not shut.left or math.hypot(x - at_x, y - at_y) <= SHUT_NEAR_M:
+                aside.append((x, y))
+        return aside
+
     def _candidates(
-        self, pose: Pose, put_aside: Sequence[Anchored], reach_m: float = math.inf, *, near: bool = False
+        self,
+        pose: Pose,
+        places: Sequence[tuple[float, float]],
+        reach_m: float = math.inf,
+        *,
+        near: bool = False,
+        worth: CandidateConfig | None = None,
     ) -> tuple[Candidate, ...]:
-        """Places worth a scan; those farther away, by ways weighted by discomfort, [m], are not looked for. `near` is
-        for a look: nobody goes by those ways."""
+        """Places worth a scan, none near those; farther ones, by ways weighted by discomfort, [m], are not looked
+        for. `near` is for a look: nobody goes by those ways. `worth` as for `CandidateFinder.find`."""
         here = self._surroundings
         tried = self._tried if self._links_m > 0.0 else None
-        places = here.placed(put_aside)
         paths = here.near_paths(pose, reach_m) if near else here.paths(pose, reach_m)
-        taken = here.doubtful, here.daring, here.retracing, pose.x, pose.y, paths.within_m
+        taken_as = here.doubtful, here.daring, here.retracing
+        taken = *taken_as, pose.x, pose.y, paths.within_m, worth
         key = (here.version, *taken, tuple(places), tried is None or tuple(sorted(tried.items())))
         if key not in self._found:
             self._found = {k: v for k, v in self._found.items() if k[0] == here.version}
             aside = np.array(places).reshape(-1, 2)
             chains = self._slam.chains.chains
-            self._found[key] = self._finder.find(here.grid, paths, chains, here.scan_positions, aside, tried)
+            self._found[key] = self._finder.find(
+                here.grid, paths, chains, here.scan_positions, aside, tried, worth
+            )
         return self._found[key]
 
     def _safe(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
         """Every place with room on the way, the farthest left out where one is so near; none unless one is."""
         self._surroundings.daring = False
-        found = self._candidates(pose, self._put_aside, max(within_m, OFFERED_M))
+        found = self._candidates(pose, self._put_aside(pose), max(within_m, OFFERED_M))
         return found if any(c.path_length_m <= within_m for c in found) else ()
 
-    def _dared(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
-        """Places so near, by ways nearer to the unknown and into gaps that the map draws too narrow."""
+    def _dared(self, pose: Pose, within_m: float, *, blindly: bool = False) -> tuple[Candidate, ...]:
+        """Places so near, by ways nearer to the unknown and into gaps that the map draws too narrow; farther off only
+        where the robot has seen into what lies behind, or blindly."""
         self._surroundings.daring = True
-        found = self._near(pose, within_m)
-        return self._leading_on(pose, found) if NEAR_M < within_m < math.inf else found
+        found = self._near(pose, within_m, self._blindly if blindly else None)
+        return self._leading_on(pose, found) if NEAR_M < within_m < math.inf and not blindly else found
+
+    def _before_the_end(self, pose: Pose) -> tuple[Candidate, ...]:
+        """Places that show as much as is seen of a room from before its door, and in doors too narrow for others; and,
+        where little was driven so far, whatever daring and doubt lead to."""
+        here, far_m = self._surroundings, max(NEAR_M, self._far_m)
+        here.daring = False
+        found = self._near(pose, math.inf, self._before_doors)
+        if not found:
+            here.daring = True
+            found = self._leading_on(pose, self._near(pose, far_m, self._in_doors))
+        if self._driven_m < FEW_M:
+            found = found or self._dared(pose, far_m, blindly=True)
+            found = found or self._doubted_walls(pose, far_m, blindly=True)
+        return found
 
     def _leading_on(self, pose: Pose, places: Sequence[Candidate]) -> tuple[Candidate, ...]:
         """Those of the places about which enough is free that no safe way on the map that is believed leads to."""
@@ -182,10 +251,11 @@ class Offers:
         here.retracing = bool(found)
         return found
 
-    def _doubted_walls(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
+    def _doubted_walls(self, pose: Pose, within_m: float, *, blindly: bool = False) -> tuple[Candidate, ...]:
         """Places so near where much is to be seen if only what is sure of the walls is there.
 
         An edge, a column or a wall drawn too long can shut an open door on the map. The ring of eight tells on the way.
+        Only where the robot has seen into what lies behind, or blindly.
         """
         here = self._surroundings
         free_m2 = here.free_m2
@@ -199,14 +269,12 @@ class Offers:
         here.daring = True
         here.believe(doubtful=True)
         doubted = here.placed(self._doubted)
-        found = self._leading_on(
-            pose,
-            [
-                c
-                for c in self._near(pose, within_m)
-                if _is_worth_a_doubt(c) and all(math.hypot(x - c.x, y - c.y) > DOUBTED_M for x, y in doubted)
-            ],
+        found = tuple(
+            c
+            for c in self._near(pose, within_m, self._blindly if blindly else None)
+            if _is_worth_a_doubt(c) and all(math.hypot(x - c.x, y - c.y) > DOUBTED_M for x, y in doubted)
         )
+        found = found if blindly else self._leading_on(pose, found)
         if found:
             x, y = self.goal or (math.inf, math.inf)
             return tuple(c for c in found if math.hypot(c.x - x, c.y - y) <= DOUBTED_M) or found
@@ -215,7 +283,7 @@ class Offers:
 
     def _second_chance(self, pose: Pose) -> tuple[Candidate, ...]:
         """Places that were put aside, once more as if the way had not been shut; again only after much was found."""
-        if not self._put_aside:
+        if not self._shut:
             return ()
         here = self._surroundings
         here.daring = True
@@ -224,7 +292,7 @@ class Offers:
         self._free_m2_at_chance = min(self._free_m2_at_chance, free_m2)
         found = tuple(c for c in self._candidates(pose, ()) if c.new_area_m2 >= DOUBT_AREA_M2)
         if found and free_m2 >= self._free_m2_at_chance + SECOND_CHANCE_AFTER_M2:
-            self._free_m2_at_chance, self._put_aside = free_m2, []
+            self._free_m2_at_chance, self._shut = free_m2, []
             return found
         here.swap_obstacles(obstacles)
         return ()
@@ -232,7 +300,7 @@ class Offers:
     def _is_kept_from_something(self, pose: Pose) -> bool:
         """Whether places are left that were put aside because the way to them was shut."""
         self._surroundings.daring = True
-        return bool(self._put_aside and self._candidates(pose, ()))
+        return bool(self._shut and self._candidates(pose, ()))
 
     def _close_a_loop(self, pose: Pose) -> tuple[Candidate, ...]:
         """Before calling it finished: drive the last stretch of a loop, or go to where that stretch begins."""
@@ -242,7 +310,8 @@ class Offers:
         paths, apart_m = here.paths(pose), self._config.candidates.apart_m
         offers: list[tuple[bool, Candidate]] = []
         trail, scans = here.way_so_far()
-        put_aside, been_sent = here.placed(self._put_aside), here.placed(self._loop_goals)
+        put_aside = here.placed([shut.place for shut in self._shut])
+        been_sent = here.placed(self._loop_goals)
         for loop in open_loops(trail, scans, here.grid):
             for x, y in loop.goals.tolist():
                 path = paths.to(x, y)

@@ -74,7 +74,6 @@ class SafePaths:
                 map says; None where that is not to count.
         """
         self.frame: GridFrame = grid.frame
-        self.daring = daring
         self.least_room_m = body_radius_m + (config.daring_margin_m if daring else config.margin_m)
         """Distance of a path from what is not free, [m]."""
         start = grid.frame.cell(x, y)

@@ -68,18 +68,19 @@ def test_there_are_candidates_where_there_is_something_to_see():
     assert min(counts) > 0
 
 
-def test_in_a_door_narrower_than_a_scan_likes_who_dares_is_offered_a_place():
+def test_in_a_door_narrower_than_a_scan_likes_a_place_is_offered_where_less_room_is_asked_for():
     states = np.full(FRAME.shape, UNKNOWN, dtype=np.uint8)
     states[5:40, 10:70], states[6:39, 11:69] = OCCUPIED, FREE
     states[39, 34:46] = FREE  # 0.6 m of the upper wall, unknown behind
     grid = OccupancyGrid(FRAME, states)
-    least = CandidateConfig().least_room_m
-    for daring in (False, True):
-        paths = SafePaths(grid, 2.0, 1.0, 0.18, PlanningConfig(), daring)
-        finder = CandidateFinder(CandidateConfig(), 0.18, 0.2, 2.0)
-        found = finder.find(grid, paths, (), NOWHERE, NOWHERE, {})
+    usual = CandidateConfig()
+    narrow = replace(usual, least_room_m=usual.least_room_narrow_m)
+    paths = SafePaths(grid, 2.0, 1.0, 0.18, PlanningConfig(), daring=True)
+    finder = CandidateFinder(usual, 0.18, 0.2, 2.0)
+    for worth in (None, usual, narrow):
+        found = finder.find(grid, paths, (), NOWHERE, NOWHERE, {}, worth)
         nearest = max((c.y for c in found if abs(c.x - 2.0) < 0.2), default=0.0)
-        assert (nearest > 2.0 - least) == daring
+        assert (nearest > 2.0 - usual.least_room_m) == (worth is narrow)
 
 
 def test_a_room_is_worth_any_way_and_a_crumb_is_not():

@@ -13,14 +13,17 @@ from sonar_explore.planning.candidates import Candidate
 from sonar_explore.planning.driving import DriveEnd
 from sonar_explore.planning.offers import (
     BEHIND_M2,
+    DOOR_M2,
     DOUBTS,
     DOUBTS_AGAIN_AFTER_M2,
     FAR_LEAST_M,
     FAR_SHARE,
+    FEW_M,
     LINK_LEAST_M,
     LINK_SHARE,
     NEAR_M,
     RETRACES,
+    SHUT_NEAR_M,
     Offers,
 )
 
@@ -74,7 +77,7 @@ class Land:
         self.version += 1
         return []
 
-    def find(self, grid, paths, chains, scanned, put_aside, tried):
+    def find(self, grid, paths, chains, scanned, put_aside, tried, worth=None):
         return tuple(
             c
             for c in self.places
@@ -83,10 +86,12 @@ class Land:
         )
 
 
-def offers_in(land):
+def offers_in(land, driven_m=2.0 * FEW_M):
     planning = SimpleNamespace(close_loops=False)
     config: Any = SimpleNamespace(planning=planning, candidates=ExplorationConfig().candidates)
-    return Offers(land, SimpleNamespace(chains=SimpleNamespace(chains=())), land, config)
+    offers = Offers(land, SimpleNamespace(chains=SimpleNamespace(chains=())), land, config)
+    offers._driven_m = driven_m
+    return offers
 
 
 def try_one(offers, land, end, here, driven_m=1.0):
@@ -109,7 +114,55 @@ def test_a_way_that_was_shut_far_from_a_doubtful_place_says_nothing_of_what_is_t
     land = Land(place(0.5, 0.0), place(0.9, 0.0))
     offers = offers_in(land)
     assert try_one(offers, land, DriveEnd.BLOCKED, AWAY)
-    assert offers.now(HERE) == (place(0.9, 0.0),)
+    assert offers.now(AWAY) == (place(0.9, 0.0),)
+
+
+@pytest.mark.parametrize(("stopped_m", "again"), [(0.9 * SHUT_NEAR_M, False), (1.1 * SHUT_NEAR_M, True)])
+def test_a_place_is_given_another_try_from_elsewhere_where_the_way_to_it_was_shut_far_from_it(
+    stopped_m, again
+):
+    goal = place(20.0, 0.0)
+    land = Land(goal)
+    offers = offers_in(land)
+    offers._second_chance = lambda pose: ()
+    stop = Pose(20.0 - stopped_m, 0.0, 0.0)
+    for tries in (again, False):
+        land.doubtful = True
+        offers.learn(goal, DriveEnd.BLOCKED, stop, 1.0)
+        offers._doubted.clear()
+        land.believe(doubtful=False)
+        land.version += 1
+        assert offers.now(stop) == () and (goal in offers.now(HERE)) == tries
+        land.believe(doubtful=False)
+
+
+@pytest.mark.parametrize("driven_m", [0.5 * FEW_M, 2.0 * FEW_M])
+def test_a_wall_of_a_small_building_is_doubted_whatever_was_seen_behind_it(driven_m):
+    land = Land(place(1.0, 0.0, 2.0 * NEAR_M))
+    land.behind_m2 = 0.0
+    assert bool(offers_in(land, driven_m).now(HERE)) == (driven_m < FEW_M)
+
+
+def test_before_the_end_a_door_is_looked_into_that_shows_too_little_of_its_room_to_go_so_far_for():
+    class Door(Land):
+        def find(self, grid, paths, chains, scanned, put_aside, tried, worth=None):
+            lenient = worth is not None and worth.enough_m2 <= DOOR_M2
+            return self.places if lenient and not self.daring else ()
+
+    land = Door(place(9.0, 0.0, 20.0))
+    assert offers_in(land).now(HERE) == land.places and not land.daring
+
+
+@pytest.mark.parametrize("behind_m2", [0.5 * BEHIND_M2, 2.0 * BEHIND_M2])
+def test_before_the_end_a_narrow_door_is_entered_where_the_robot_has_seen_what_is_behind_it(behind_m2):
+    class Narrow(Land):
+        def find(self, grid, paths, chains, scanned, put_aside, tried, worth=None):
+            roomless = worth is not None and worth.least_room_m <= worth.least_room_narrow_m
+            return self.places if roomless and self.daring and not self.doubtful else ()
+
+    land = Narrow(place(9.0, 0.0, 2.0 * NEAR_M))
+    land.behind_m2 = behind_m2
+    assert bool(offers_in(land).now(HERE)) == (behind_m2 > BEHIND_M2)
 
 
 FAR_M = NEAR_M + 5.0
@@ -181,11 +234,11 @@ def test_doubts_come_back_with_what_is_found_also_where_a_correction_made_the_ma
 
 @pytest.mark.parametrize("correction_m", [0.0, 2.0])
 def test_what_was_put_aside_or_looked_from_moves_with_the_map(correction_m):
-    land = Land(place(0.5, 0.0), place(3.0, 0.0))
+    land = Land(place(0.5, 0.0), place(1.9, 0.0))
     offers = offers_in(land)
-    assert try_one(offers, land, DriveEnd.BLOCKED, Pose(3.0, 0.0, 0.0))  # goes to 0.5, looks from 3.0
+    assert try_one(offers, land, DriveEnd.BLOCKED, Pose(1.9, 0.0, 0.0))  # goes to 0.5, looks from 1.9
     land.version, land.correction_m = land.version + 1, correction_m
-    moved = place(0.5 + correction_m, 0.0), place(3.0 + correction_m, 0.0)
+    moved = place(0.5 + correction_m, 0.0), place(1.9 + correction_m, 0.0)
     land.places = (*moved, place(8.0, 0.0), place(8.0 + correction_m, 1.0))
     assert not set(moved) & set(offers.now(HERE)) and place(8.0, 0.0) in offers.now(HERE)
 
@@ -222,7 +275,7 @@ def test_a_narrow_gap_near_by_is_tried_and_one_far_off_only_where_the_robot_has_
 
 def test_where_every_scan_leaves_chains_that_dangle_the_robot_does_not_go_round_after_them_for_ever():
     class Dangling(Land):
-        def find(self, grid, paths, chains, scanned, put_aside, tried):
+        def find(self, grid, paths, chains, scanned, put_aside, tried, worth=None):
             return () if tried is None else (Candidate(1.0, 0.0, 1.0, 0.0, (), 0.0, (self.version,)),)
 
     land = Dangling()
