@@ -12,7 +12,9 @@ from sonar_explore.reports.page import write_page
 from sonar_explore.reports.sonar_pictures import draw_replay, draw_scan, png, sheet
 
 MOST_SCANS = 40
-"""Scans of a log that are shown one by one."""
+"""Scans of a log that are shown one by one,"""
+SCANS_A_ROW = 3
+"""beside the map."""
 
 
 def write_replay_page(done: Sequence[Replay], path: Path) -> None:
@@ -26,10 +28,10 @@ def picture_url(picture: bytes) -> str:
 
 
 def _section(done: Replay) -> dict[str, Any]:
-    figure, (axes,) = sheet(1, 1, side=6.0)
+    figure, (axes,) = sheet(1, 1, side=7.0)
     draw_replay(axes, done)
     shown = list(zip(done.updates, done.log.scans, done.mind.scans, strict=True))[:MOST_SCANS]
-    scans, frames = sheet(len(shown), 5, side=2.6)
+    scans, frames = sheet(len(shown), SCANS_A_ROW, side=2.6)
     for axes, (update, scan, entry) in zip(frames, shown, strict=True):
         draw_scan(axes, scan, entry.pose, update.features, title=f"scan {update.index}")
     return {
