@@ -19,7 +19,7 @@ def eliminated(starts, factors, ends, rows, order, rank, dims, touched, layout, 
         np.empty(n, dtype=np.int64),
     )  # by variable, the blocks whose next rows are its
     upto, row = np.zeros(n, dtype=np.int64), np.empty(n, dtype=np.int64)
-    place = np.zeros(n, dtype=np.int64)
+    place, goes = np.zeros(n, dtype=np.int64), np.empty(4 * n + 4, dtype=np.uint64)
     for p in range(len(order)):
         v = order[p]
         if touched[v]:
@@ -33,7 +33,7 @@ def eliminated(starts, factors, ends, rows, order, rank, dims, touched, layout, 
             _assemble(v, starts, factors, ends, rows, rank, dims, place, block)
             k = waiting[v]
             while k >= 0:
-                _subtract(k, v, upto[k], row[k], dims, layout, struct, factor, place, block)
+                _subtract(k, v, upto[k], row[k], dims, layout, struct, factor, place, goes, block)
                 k = after[k]
             _cholesky(block, height, dims[v])
             if layout[v, 1] > 0:
@@ -59,23 +59,26 @@ def _assemble(v, starts, factors, ends, rows, rank, dims, place, block):  # type
         _assemble_constants(rows, len(ends), block)
         return
     d = dims[v]
+    constants = block[place[0] * d :]
     for at in range(starts[v], starts[v + 1]):
         f = factors[at]
         side = 0 if ends[f, 0] == v else 1
         mine, theirs, u = 4 * side, 4 - 4 * side, ends[f, 1 - side]
-        beyond = u >= 0 and rank[u] > rank[v]
+        wide = dims[u] if u >= 0 and rank[u] > rank[v] else 0
+        below = block[place[u] * d :] if wide > 0 else block
         for i in range(3):
+            row = rows[f, i]
+            own, other, rest = row[mine:], row[theirs:], row[8:]
             for j in range(d):
-                x = rows[f, i, mine + j]
+                x = own[j]
                 if x == 0.0:
                     continue
                 for k in range(j, d):
-                    block[k * d + j] += rows[f, i, mine + k] * x
+                    block[k * d + j] += own[k] * x
                 for k in range(3):
-                    block[(place[0] + k) * d + j] += rows[f, i, 8 + k] * x
-                if beyond:
-                    for k in range(dims[u]):
-                        block[(place[u] + k) * d + j] += rows[f, i, theirs + k] * x
+                    constants[k * d + j] += rest[k] * x
+                for k in range(wide):
+                    below[k * d + j] += other[k] * x
     for j in range(d):
         if block[j * d + j] == 0.0:  # of what became another, nothing is measured any more
             block[j * d + j] = 1.0
@@ -95,37 +98,64 @@ def _assemble_constants(rows, count, block):  # type: ignore[no-untyped-def]
 
 
 @inner_kernel
-def _subtract(k, v, upto, row, dims, layout, struct, factor, place, block):  # type: ignore[no-untyped-def]
-    """What the block of k, whose rows from `row` on are those of v and of the variables after it, has in that of v."""
-    d, dv = dims[k], dims[v]
-    mine = layout[k, 3] + row * d
+def _subtract(k, v, upto, row, dims, layout, struct, factor, place, goes, block):  # type: ignore[no-untyped-def]
+    """What the block of k, whose rows from `row` on are those of v and of the variables after it, has in that of v.
+
+    Where each of these rows `goes` is written down first: one loop through all of them is much sooner done than a short
+    one for each variable. Slices and unsigned numbers spare the compiler the question whether an index counts from the
+    end.
+    """
+    d, dv, rows = dims[k], dims[v], 0
+    for i in range(layout[k, 0] + upto, layout[k, 0] + layout[k, 1]):
+        u = struct[i]
+        for j in range(4):  # the next variable writes over what is too much
+            goes[rows + j] = (place[u] + j) * dv
+        rows += dims[u]
+    begin = layout[k, 3] + row * d
+    theirs = factor[begin : begin + rows * d]
     for j in range(dv):
-        at, theirs = mine + j * d, mine
-        a, b = factor[at], factor[at + 1]
-        c, e = factor[at + 2] if d > 2 else 0.0, factor[at + 3] if d > 3 else 0.0
-        for i in range(layout[k, 0] + upto, layout[k, 0] + layout[k, 1]):
-            u = struct[i]
-            to = place[u] * dv + j
-            for _ in range(dims[u]):
-                total = factor[theirs] * a + factor[theirs + 1] * b
-                if d == 4:
-                    total += factor[theirs + 2] * c + factor[theirs + 3] * e
-                elif d == 3:
-                    total += factor[theirs + 2] * c
-                block[to] -= total
-                to += dv
-                theirs += d
+        mine, column = theirs[j * d : j * d + d], block[j:]
+        a, b = mine[0], mine[1]
+        if d == 4:
+            c, e = mine[2], mine[3]
+            for i in range(rows):
+                total = theirs[4 * i] * a + theirs[4 * i + 1] * b
+                total += theirs[4 * i + 2] * c + theirs[4 * i + 3] * e
+                column[goes[i]] -= total
+        elif d == 3:
+            c = mine[2]
+            for i in range(rows):
+                total = theirs[3 * i] * a + theirs[3 * i + 1] * b
+                column[goes[i]] -= total + theirs[3 * i + 2] * c
+        else:
+            for i in range(rows):
+                column[goes[i]] -= theirs[2 * i] * a + theirs[2 * i + 1] * b
 
 
 @inner_kernel
 def _cholesky(block, height, d):  # type: ignore[no-untyped-def]
     """Of the square on top; the rows below times the inverse of its transpose."""
-    for i in range(height):
-        for j in range(min(i + 1, d)):
+    for i in range(d):
+        for j in range(i + 1):
             total = block[i * d + j]
             for k in range(j):
                 total -= block[i * d + k] * block[j * d + k]
             block[i * d + j] = math.sqrt(total) if i == j else total / block[j * d + j]
+    a, b, c = block[0], block[d], block[d + 1]
+    if d == 2:
+        for i in range(2 * d, height * d, d):
+            x = block[i] / a
+            block[i], block[i + 1] = x, (block[i + 1] - x * b) / c
+        return
+    e, f, g = block[2 * d], block[2 * d + 1], block[2 * d + 2]
+    h, k, m, n = (block[12], block[13], block[14], block[15]) if d == 4 else (0.0, 0.0, 0.0, 0.0)
+    for i in range(d * d, height * d, d):
+        x = block[i] / a
+        y = (block[i + 1] - x * b) / c
+        z = (block[i + 2] - x * e - y * f) / g
+        block[i], block[i + 1], block[i + 2] = x, y, z
+        if d == 4:
+            block[i + 3] = (block[i + 3] - x * h - y * k - z * m) / n
 
 
 @lean_kernel
