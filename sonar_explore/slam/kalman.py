@@ -75,16 +75,99 @@ def spread(covariance, transition, bits, walk):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def expected_offsets(p, adr, ndr, normals, bearing, normal, expected, off):  # type: ignore[no-untyped-def]
-    """How far each association is off in angle and along the normal, and the covariance of that: H P H' + R."""
-    for i in range(len(adr)):
+def believed(p, relative, adr, ndr, normals, discs, features, sigmas, limit, rival):  # type: ignore[no-untyped-def]
+    """Which associations are no farther off, in angle and along the normal, than expected: r' (H P H' + R)^-1 r is
+    within the limit, and no worse by more than `rival` than the best of the same feature.
+
+    Args:
+        relative: what else each is unsure by, shape (n, 2, 2).
+        discs: how many heard each.
+        sigmas: see `bearing_variance`; and the variance along the normal.
+    """
+    n = len(adr)
+    squared, out = np.empty(n), np.empty(n, dtype=np.bool_)
+    for i in range(n):
         x, y = normals[i, 0], normals[i, 1]
-        across = fma(y, p[1, 0], x * p[0, 0]), fma(y, p[1, 1], x * p[0, 1])
-        expected[i, 0, 0] = p[HEADING, HEADING] + bearing[i]
-        expected[i, 0, 1] = fma(p[HEADING, Y], y, p[HEADING, X] * x)
-        expected[i, 1, 0] = fma(y, p[Y, HEADING], x * p[X, HEADING])
-        expected[i, 1, 1] = fma(across[1], y, across[0] * x) + normal
-        off[i, 0], off[i, 1] = adr[i], -ndr[i]
+        angle = p[HEADING, HEADING] + bearing_variance(discs[i], sigmas) + relative[i, 0, 0]
+        both = p[HEADING, X] * x + p[HEADING, Y] * y + relative[i, 0, 1]
+        place = (
+            x * (p[X, X] * x + p[X, Y] * y) + y * (p[Y, X] * x + p[Y, Y] * y) + sigmas[2] + relative[i, 1, 1]
+        )
+        a, b = adr[i], -ndr[i]
+        squared[i] = (a * a * place - 2.0 * a * b * both + b * b * angle) / (angle * place - both * both)
+    for i in range(n):
+        out[i] = squared[i] <= limit
+        for k in range(n):
+            if features[k] == features[i] and squared[i] > squared[k] + rival:
+                out[i] = False
+    return out
+
+
+@inner_kernel
+def bearing_variance(discs, sigmas):  # type: ignore[no-untyped-def]
+    """Of a feature that so many discs heard: that of one disc is shared by all, the least one stays, [rad2]."""
+    return sigmas[0] / discs + sigmas[1]
+
+
+@kernel
+def learned_of_walls(p, adr, ndr, normals, discs, sweeps, sigmas, huber, floor):  # type: ignore[no-untyped-def]
+    """`learned`, of associations: heading, and the error of the turn by then, by ADR, place by NDR."""
+    n = len(adr)
+    jacobian, innovation, noise = np.zeros((2 * n, SIZE)), np.empty(2 * n), np.empty(2 * n)
+    for i in range(n):
+        jacobian[i, HEADING], jacobian[i, TURN], jacobian[i, OWN] = 1.0, sweeps[i], sweeps[i]
+        jacobian[n + i, X], jacobian[n + i, Y] = normals[i, 0], normals[i, 1]
+        innovation[i], innovation[n + i] = adr[i], -ndr[i]
+        noise[i], noise[n + i] = bearing_variance(discs[i], sigmas), sigmas[2]
+    return learned(p, jacobian, innovation, noise, huber, floor)
+
+
+@kernel
+def learned_of_turn(p, relative, variance, huber, floor):  # type: ignore[no-untyped-def]
+    """`learned`, of what the discs say of the turn."""
+    jacobian = np.zeros((1, SIZE))
+    jacobian[0, TURN] = jacobian[0, OWN] = 1.0
+    return learned(p, jacobian, np.full(1, relative), np.full(1, variance), huber, floor)
+
+
+@kernel
+def learned(p, jacobian, innovation, noise, huber, floor):  # type: ignore[no-untyped-def]
+    """One update with Huber's loss: the covariance in place; how the state changes."""
+    n = len(innovation)
+    across, expected, gain = np.empty((n, SIZE)), np.empty((n, n)), np.empty((SIZE, n))
+    innovated(p, jacobian, innovation, huber, noise, across, expected)
+    _solve(expected, across)
+    change = np.zeros(SIZE)
+    for j in range(SIZE):
+        for i in range(n):
+            gain[j, i] = across[i, j]
+            change[j] += across[i, j] * innovation[i]
+    after = updated_covariance(p, gain, jacobian, noise, floor)
+    for i in range(SIZE):
+        for j in range(SIZE):
+            p[i, j] = after[i, j]
+    return change
+
+
+@inner_kernel
+def _solve(a, b):  # type: ignore[no-untyped-def]
+    """a^-1 b into `b`, for a symmetric `a`, positive definite, which is used up: by Cholesky."""
+    n = len(a)
+    for i in range(n):
+        for j in range(i + 1):
+            total = a[i, j]
+            for k in range(j):
+                total -= a[i, k] * a[j, k]
+            a[i, j] = math.sqrt(total) if i == j else total / a[j, j]
+        for c in range(b.shape[1]):
+            for k in range(i):
+                b[i, c] -= a[i, k] * b[k, c]
+            b[i, c] /= a[i, i]
+    for i in range(n - 1, -1, -1):
+        for c in range(b.shape[1]):
+            for k in range(i + 1, n):
+                b[i, c] -= a[k, i] * b[k, c]
+            b[i, c] /= a[i, i]
 
 
 @kernel

@@ -24,6 +24,10 @@ class Motion:
     covariance: Array
     """Of the rest of its random part, shape (3, 3)."""
 
+    def as_arrays(self) -> tuple[Array, Array, Array, Array]:
+        """All of it, in this order."""
+        return self.change, self.by_wheels, self.by_own, self.covariance
+
 
 @dataclass(frozen=True)
 class RandomWalk:
@@ -105,6 +109,24 @@ def _add(odometry, variances, own_left, change, by, covariance):  # type: ignore
         p[1, 0], p[2, 0], p[2, 1] = p[0, 1], p[0, 2], p[1, 2]
         change[0], change[1] = change[0] + c * forward, change[1] + s * forward
         change[2] += turn
+
+
+@lean_kernel
+def told_by_odometry(change, by_wheels, by_own, covariance, measured):  # type: ignore[no-untyped-def]
+    """A motion as a factor of the smoother has it (`FactorKind.ODOMETRY`): what whitens it is the inverse of the
+    Cholesky factor of its covariance."""
+    p = covariance
+    a = math.sqrt(p[0, 0])
+    b, d = p[1, 0] / a, p[2, 0] / a
+    c = math.sqrt(p[1, 1] - b * b)
+    e = (p[2, 1] - d * b) / c
+    f = math.sqrt(p[2, 2] - d * d - e * e)
+    measured[0], measured[2], measured[5] = 1.0 / a, 1.0 / c, 1.0 / f
+    measured[1], measured[4] = -b / (a * c), -e / (c * f)
+    measured[3] = (b * e / c - d) / (a * f)
+    for i in range(3):
+        measured[6 + i], measured[15 + i] = change[i], by_own[i]
+        measured[9 + 2 * i], measured[10 + 2 * i] = by_wheels[i, 0], by_wheels[i, 1]
 
 
 def own_part(turn_rad: float, left_rad: float) -> float:

@@ -19,16 +19,7 @@ from numpy.typing import NDArray
 from sonar_explore.compiled import inner_kernel, lean_kernel
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.slam.discs import TurnError
-from sonar_explore.slam.kalman import (
-    HEADING,
-    OWN,
-    SIZE,
-    TURN,
-    expected_offsets,
-    innovated,
-    spread,
-    updated_covariance,
-)
+from sonar_explore.slam.kalman import OWN, SIZE, believed, learned_of_turn, learned_of_walls, spread
 from sonar_explore.slam.motion import own_part
 from sonar_explore.slam.residuals import Residuals
 
@@ -77,7 +68,8 @@ class OdometryFilter:
     def __init__(self, config: FilterConfig) -> None:
         self.config = config
         least = config.least_position_m, config.least_position_m, config.least_heading_rad
-        self._floor = np.array(least) ** 2
+        self._floor, self._huber = np.array(least) ** 2, config.huber_sigmas**2
+        self._sigmas = config.bearing_rad**2, config.bearing_least_rad**2, config.normal_m**2
         self.turn_error = 0.0
         """True over measured turn, less one."""
         self.bend_rad_m = 0.0
@@ -157,10 +149,10 @@ class OdometryFilter:
         Returns:
             The pose, and the relative error of this turn beyond what the headings of the scan had of it.
         """
-        jacobian = np.zeros((1, SIZE))
-        jacobian[0, TURN] = jacobian[0, OWN] = 1.0
         before = self.turn_error
-        pose = self._learn(pose, jacobian, np.array([turn.relative]), np.array([turn.sigma**2]))
+        pose = self._changed(
+            pose, learned_of_turn(self.covariance, turn.relative, turn.sigma**2, self._huber, self._floor)
+        )
         return pose, self.turn_error - before + self.own_error
 
     def restart(self, turn_error: float, bend_rad_m: float, own_error: float) -> None:
@@ -186,20 +178,16 @@ class OdometryFilter:
         if not self.config.enabled or not n:
             return np.ones(n, dtype=bool)
         self._spread()
-        expected, off = np.empty((n, 2, 2)), np.empty((n, 2))
-        variance = self._bearing_variance(residuals), self.config.normal_m**2
-        expected_offsets(
-            self.covariance, residuals.adr_rad, residuals.ndr_m, residuals.normals, *variance, expected, off
+        if relative is None:
+            relative = np.zeros((n, 2, 2))
+        if features is None:
+            features = np.arange(n)
+        limit = -2.0 * math.log(1.0 - self.config.gate_share)  # chi-squared, two degrees
+        off = residuals.adr_rad, residuals.ndr_m, residuals.normals, residuals.discs, features
+        found: NDArray[np.bool_] = believed(
+            self.covariance, relative, *off, self._sigmas, limit, self.config.rival
         )
-        if relative is not None:
-            expected += relative
-        squared = (off * np.linalg.solve(expected, off[:, :, None])[:, :, 0]).sum(axis=1)
-        allowed = squared <= -2.0 * math.log(1.0 - self.config.gate_share)  # chi-squared, two degrees
-        if features is not None:
-            best = np.full(int(features.max()) + 1, np.inf)
-            np.minimum.at(best, features, squared)
-            allowed &= squared <= best[features] + self.config.rival
-        return np.asarray(allowed)
+        return found
 
     def corrected(self, pose: Pose, residuals: Residuals, sweeps_rad: Array) -> Pose:
         """The pose after the kept associations: heading by ADR, position by NDR.
@@ -208,33 +196,15 @@ class OdometryFilter:
             sweeps_rad: how far the robot had turned in its scan when each feature was heard, signed, shape (n,),
                 [rad]: an error of the turns shows in ADR the more, the later.
         """
-        n = len(residuals.adr_rad)
-        if n == 0:
+        if not len(residuals.adr_rad):
             return pose
         self._spread()
-        jacobian = np.zeros((2 * n, SIZE))
-        jacobian[:n, HEADING] = 1.0
-        jacobian[:n, TURN] = jacobian[:n, OWN] = sweeps_rad
-        jacobian[n:, :2] = residuals.normals
-        innovation = np.concatenate([residuals.adr_rad, -residuals.ndr_m])
-        noise = np.concatenate([self._bearing_variance(residuals), np.full(n, self.config.normal_m**2)])
-        return self._learn(pose, jacobian, innovation, noise)
+        heard = residuals.adr_rad, residuals.ndr_m, residuals.normals, residuals.discs, sweeps_rad
+        change = learned_of_walls(self.covariance, *heard, self._sigmas, self._huber, self._floor)
+        return self._changed(pose, change)
 
-    def _bearing_variance(self, residuals: Residuals) -> Array:
-        """Of features that more or fewer discs heard, shape (n,), [rad^2]."""
-        cfg = self.config
-        return np.asarray(cfg.bearing_rad**2 / residuals.discs + cfg.bearing_least_rad**2)
-
-    def _learn(self, pose: Pose, jacobian: Array, innovation: Array, noise: Array) -> Pose:
-        """One update of the filter, with Huber's loss; the pose after it."""
-        cfg, n = self.config, len(innovation)
-        noise, across, expected = noise.copy(), np.empty((n, SIZE)), np.empty((n, n))
-        innovated(self.covariance, jacobian, innovation, cfg.huber_sigmas**2, noise, across, expected)
-        gain = np.linalg.solve(expected, across).T
-        change = gain @ innovation
-        self.covariance = updated_covariance(
-            self.covariance, np.ascontiguousarray(gain), jacobian, noise, self._floor
-        )
+    def _changed(self, pose: Pose, change: Array) -> Pose:
+        """After an update that says by how much the state is to change."""
         x, y, heading, turn_error, bend_rad_m, own_error = change.tolist()
         self.turn_error += turn_error
         self.bend_rad_m += bend_rad_m

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.compiled import inner_kernel, kernel
+from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
 from sonar_explore.geometry import Array
 
 
@@ -56,7 +56,8 @@ def matched(
     out = np.full(len(here), -1)
     if alike is None:
         alike = np.ones((len(here), len(known)), dtype=bool)
-    information = np.linalg.inv(prior + 1e-8 * np.eye(3))
+    information = np.empty((3, 3))
+    inverted(prior, 1e-8, information)
     limits = config.reach_m, config.apart_m, config.unmatched
     _match(here - about, known - about, alike, spread + config.place_m**2, information, *limits, out)
     return out
@@ -111,6 +112,19 @@ def _match(here, known, alike, variance, information, reach, apart, unmatched, o
                 other = _squared(here[k], known[j], variance[j], x, y, turn)
                 if other < cost or (other == cost and k < i):
                     out[i] = -1
+
+
+@lean_kernel
+def inverted(a, more, out):  # type: ignore[no-untyped-def]
+    """Of a symmetric matrix of three rows with this much more on its diagonal, the inverse."""
+    p, q, r = a[0, 0] + more, a[1, 1] + more, a[2, 2] + more
+    x, y, z = a[0, 1], a[0, 2], a[1, 2]
+    determinant = p * (q * r - z * z) - x * (x * r - y * z) + y * (x * z - q * y)
+    out[0, 0], out[1, 1] = (q * r - z * z) / determinant, (p * r - y * y) / determinant
+    out[2, 2] = (p * q - x * x) / determinant
+    out[0, 1] = out[1, 0] = (y * z - x * r) / determinant
+    out[0, 2] = out[2, 0] = (x * z - q * y) / determinant
+    out[1, 2] = out[2, 1] = (x * y - p * z) / determinant
 
 
 @inner_kernel

@@ -30,11 +30,9 @@ from sonar_explore.slam.elimination import Elimination, Tree
 from sonar_explore.slam.factor_graph import CONSTANTS, FactorGraph, FactorKind
 from sonar_explore.slam.jacobian import linearised
 from sonar_explore.slam.known_points import BOUND, NONE, ONCE, STATE, VARIABLE, KnownPoints
-from sonar_explore.slam.motion import Motion
+from sonar_explore.slam.motion import Motion, told_by_odometry
 from sonar_explore.slam.relative import line_covariances, near_points, point_covariances, pose_covariance
 from sonar_explore.slam.sighting import Sighting
-
-_LOWER = np.tril_indices(3)
 
 
 @dataclass(frozen=True)
@@ -155,9 +153,8 @@ class Smoother:
         heard = (turn.relative, 1.0 / turn.sigma) if turn else (0.0, 0.0)
         graph.add_factor(FactorKind.TURN, here, -1, (math.tau / self._config.turn_rad, *heard))
         if motion is not None:
-            white = np.linalg.inv(np.linalg.cholesky(motion.covariance))[_LOWER]
-            parts = white, motion.change, motion.by_wheels.ravel(), motion.by_own
-            graph.add_factor(FactorKind.ODOMETRY, self._scans[-1], here, np.concatenate(parts).tolist())
+            factor = graph.add_factor(FactorKind.ODOMETRY, int(self._scans[-1]), here, ())
+            told_by_odometry(*motion.as_arrays(), graph.measured[factor])
         self._scans = np.append(self._scans, here)
 
     def add_sighting(self, sighting: Sighting) -> None:

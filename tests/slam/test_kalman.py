@@ -12,8 +12,10 @@ from sonar_explore.slam.kalman import (
     OWN,
     SIZE,
     TURN,
-    expected_offsets,
+    believed,
     innovated,
+    learned_of_turn,
+    learned_of_walls,
     moved_covariance,
     spread,
     updated_covariance,
@@ -43,20 +45,62 @@ def test_a_motion_carries_the_covariance_along(seed):
     same(moved_covariance(p, forward, turn, own, heading, along, drift), motion @ p @ motion.T + noise)
 
 
-@pytest.mark.parametrize("n", [1, 2, 5, 12])
-def test_an_association_is_expected_as_far_off_as_pose_and_noise_say(n):
-    rng = np.random.default_rng(n)
-    p, angles, bearing = covariance(rng), rng.uniform(-3, 3, n), rng.uniform(0.1, 1.0, n)
-    adr, ndr, normals = *rng.normal(size=(2, n)), np.column_stack([np.cos(angles), np.sin(angles)])
-    jacobian = np.zeros((n, 2, SIZE))
+SIGMAS = (0.02, 0.005, 0.03)
+"""Variance of a bearing by one disc, the least, and that along the normal."""
+
+
+def associations(rng, n):
+    """ADR, NDR, normals and discs, and the Jacobian of each, shape (n, 2, 6)."""
+    angles, jacobian = rng.uniform(-3, 3, n), np.zeros((n, 2, SIZE))
+    normals = np.column_stack([np.cos(angles), np.sin(angles)])
     jacobian[:, 0, HEADING], jacobian[:, 1, :2] = 1.0, normals
-    plain = jacobian @ p @ jacobian.transpose(0, 2, 1)
-    plain[:, 0, 0] += bearing
-    plain[:, 1, 1] += 0.03
-    expected, off = np.empty((n, 2, 2)), np.empty((n, 2))
-    expected_offsets(p, adr, ndr, normals, bearing, 0.03, expected, off)
-    same(expected, plain)
-    same(off, np.column_stack([adr, -ndr]))
+    return *(0.3 * rng.normal(size=(2, n))), normals, rng.integers(1, 9, n).astype(float), jacobian
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_what_is_believed_is_within_the_limit_and_no_worse_than_its_rival_by_much(seed):
+    rng, n = np.random.default_rng(seed), 12
+    p, (adr, ndr, normals, discs, jacobian) = covariance(rng), associations(rng, n)
+    root, features = 0.1 * rng.normal(size=(n, 2, 2)), rng.integers(0, 5, n)
+    relative = root @ root.transpose(0, 2, 1)
+    expected = jacobian @ p @ jacobian.transpose(0, 2, 1) + relative
+    expected[:, 0, 0] += SIGMAS[0] / discs + SIGMAS[1]
+    expected[:, 1, 1] += SIGMAS[2]
+    off = np.column_stack([adr, -ndr])
+    squared = np.einsum("ni,ni->n", off, np.linalg.solve(expected, off[:, :, None])[:, :, 0])
+    best = np.array([squared[features == feature].min() for feature in features])
+    found = believed(p, relative, adr, ndr, normals, discs, features, SIGMAS, 3.0, 1.0)
+    assert found.tolist() == ((squared <= 3.0) & (squared <= best + 1.0)).tolist()
+
+
+def learned_plainly(p, jacobian, innovation, noise, huber, floor):
+    """The covariance after, and the change of the state."""
+    expected = np.einsum("ni,ij,nj->n", jacobian, p, jacobian) + noise
+    noise = noise * np.maximum(1.0, innovation**2 / (huber * expected))
+    gain = p @ jacobian.T @ np.linalg.inv(jacobian @ p @ jacobian.T + np.diag(noise))
+    after = (np.eye(SIZE) - gain @ jacobian) @ p
+    after[[0, 1, 2], [0, 1, 2]] = np.maximum(after[[0, 1, 2], [0, 1, 2]], floor)
+    return after, gain @ innovation
+
+
+@pytest.mark.parametrize("n", [1, 2, 7])
+def test_the_filter_learns_of_walls_and_of_the_turn_what_the_matrices_say(n):
+    rng = np.random.default_rng(n)
+    p, (adr, ndr, normals, discs, by_pose) = covariance(rng), associations(rng, n)
+    sweeps, floor = rng.normal(size=n), np.array([1e-4, 1e-4, 0.5])
+    jacobian = np.concatenate([by_pose[:, 0], by_pose[:, 1]])
+    jacobian[:n, [TURN, OWN]] = sweeps[:, None]
+    noise = np.concatenate([SIGMAS[0] / discs + SIGMAS[1], np.full(n, SIGMAS[2])])
+    after, change = learned_plainly(p, jacobian, np.concatenate([adr, -ndr]), noise, 1.0, floor)
+    found = p.copy()
+    same(learned_of_walls(found, adr, ndr, normals, discs, sweeps, SIGMAS, 1.0, floor), change)
+    np.testing.assert_allclose(found, after, atol=1e-9)
+    turn = np.zeros((1, SIZE))
+    turn[0, [TURN, OWN]] = 1.0
+    after, change = learned_plainly(p, turn, np.array([0.3]), np.array([0.01]), 1.0, floor)
+    found = p.copy()
+    same(learned_of_turn(found, 0.3, 0.01, 1.0, floor), change)
+    np.testing.assert_allclose(found, after, atol=1e-9)
 
 
 @pytest.mark.parametrize("n", [1, 2, 6, 20])

@@ -14,7 +14,7 @@ from sonar_explore.envs.world import World
 from sonar_explore.geometry import Pose, wrap_angle
 from sonar_explore.slam import jacobian, make_slam
 from sonar_explore.slam.factor_graph import FactorGraph, FactorKind
-from sonar_explore.slam.motion import MotionSum, RandomWalk
+from sonar_explore.slam.motion import MotionSum, RandomWalk, told_by_odometry
 from sonar_explore.slam.sighting import Sighting
 from sonar_explore.slam.smoothing import Smoother, SmoothingConfig
 
@@ -113,6 +113,19 @@ def test_the_scale_of_the_ranges_is_learned_from_walls_near_and_far_more_with_ev
     assert found[2] > 0.75
 
 
+def odometry_plainly(motion):
+    """What whitens it, the change, and its derivatives by the wheels and by the own turn."""
+    white = np.linalg.inv(np.linalg.cholesky(motion.covariance))[np.tril_indices(3)]
+    return white, motion.change, motion.by_wheels.ravel(), motion.by_own
+
+
+def test_a_motion_is_whitened_by_the_inverse_root_of_its_covariance():
+    for motion in loop(rounds=1)[1]:
+        measured, (change, by_wheels, by_own, covariance) = np.zeros(18), motion.as_arrays()
+        told_by_odometry(change, by_wheels, by_own, covariance, measured)
+        np.testing.assert_allclose(measured, np.concatenate(odometry_plainly(motion)), rtol=1e-9, atol=1e-12)
+
+
 def one_of_each():
     """A graph with a factor of every kind, of nothing in particular."""
     rng, graph = np.random.default_rng(3), FactorGraph()
@@ -121,8 +134,7 @@ def one_of_each():
     line, point = (graph.add_variable(*rng.normal(0, 2.0, 2)) for _ in range(2))
     column = graph.add_variable(*rng.normal(0, 2.0, 2), 0.2)
     motion = loop(rounds=1)[1][0]
-    white = np.linalg.inv(np.linalg.cholesky(motion.covariance))[np.tril_indices(3)]
-    parts = white, motion.change, motion.by_wheels.ravel(), motion.by_own
+    parts = odometry_plainly(motion)
     graph.add_factor(FactorKind.START, here, -1, (0.5, 0.5, 0.0))
     graph.add_factor(FactorKind.ROBOT, here, -1, (100.0, 50.0, 200.0))
     graph.add_factor(FactorKind.TURN, there, -1, (250.0, 0.01, 300.0))
