@@ -28,7 +28,7 @@ DOUBT_AREA_PER_M = 0.05  # [m2/m], and for each metre of the way; the share belo
 DOUBT_AREA_ENOUGH_M2 = 1.5  # more counts for nothing, outside is any amount: so none leads beyond 30 m
 BEHIND_M2 = 0.5  # [m2] free that only daring or doubt leads to make a place worth that,
 BEHIND_M = 2.0  # [m], where they lie within so much of it: a room whose door looks shut was seen into
-DOOR_M2 = 0.75  # of a room so much is seen from before its door: worth any way where nothing else is left
+DOOR_M2 = 0.9  # of a room so much is seen from before its door: worth any way where nothing else is left
 FEW_M = 30.0  # [m]: where no more was driven and nothing seems left, a door that looks shut is likelier than a hut
 DOUBTED_M = 0.75  # places nearer to one that was tried so are not tried again
 SECOND_CHANCE_AFTER_M2 = 4.0  # of free space found since the last one
@@ -221,7 +221,9 @@ class Offers:
         found = self._near(pose, math.inf, self._before_doors)
         if not found:
             here.daring = True
-            found = self._leading_on(pose, self._near(pose, far_m, self._in_doors))
+            least_m2 = self._in_doors.least_area_m2  # a chain to be met there is no reason
+            narrow = [c for c in self._near(pose, far_m, self._in_doors) if c.new_area_m2 >= least_m2]
+            found = self._leading_on(pose, narrow)
         if self._driven_m < FEW_M:
             found = found or self._dared(pose, far_m, blindly=True)
             found = found or self._doubted_walls(pose, far_m, blindly=True)
