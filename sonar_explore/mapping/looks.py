@@ -38,6 +38,10 @@ class MappingConfig:
     """Normals that differ by this much at one place belong to an edge, a corner or a column, [rad]."""
     trim_m: float = 0.08
     """An edge or a corner this near to a wall feature's line ends its segment, [m]."""
+    goes_on_m: float = 1.2
+    """A wall goes on to the edge, the corner or the wall that ends it, if that is no farther than this, [m]."""
+    on_line_m: float = 0.12
+    """What lies no farther beside the line of a wall ends it, [m]."""
     sure_m: float = 0.10
     """How far about the foot of its normal a wall is believed where the map is doubted, [m]."""
     wall_weight: float = 2.0

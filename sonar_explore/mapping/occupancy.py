@@ -29,6 +29,7 @@ from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States
 from sonar_explore.mapping.looks import Look, MappingConfig
 from sonar_explore.mapping.rows import differing_rows
 from sonar_explore.mapping.sectors import Sectors, mark_points, mark_segments
+from sonar_explore.mapping.wall_ends import continued
 from sonar_explore.mapping.walls import bridges, pivot_points, shortened, trimmed
 
 MARGIN_M = 0.25  # of the grid beyond what a scan can reach
@@ -127,7 +128,7 @@ class _Walls:
     fresh: slice
     """Those of the last scans."""
     gaps: Array
-    """Across gaps that the body cannot pass, shape (g, 4)."""
+    """Across gaps that the body cannot pass, and from ends of walls to what ends them, shape (g, 4)."""
 
 
 class OccupancyMapper:
@@ -203,11 +204,11 @@ class OccupancyMapper:
         if doubtful:
             walls[: len(scan)] = shortened(walls[: len(scan)], cfg.sure_m)
         fresh = slice(int(np.searchsorted(scan, scans - cfg.fresh_scans)), len(scan))
-        gaps = (
-            np.zeros((0, 4))
-            if doubtful
-            else bridges(np.vstack([walls, np.hstack([feet, feet])]), 2.0 * self._body)
-        )
+        gaps = np.zeros((0, 4))
+        if not doubtful:
+            narrow = bridges(np.vstack([walls, np.hstack([feet, feet])]), 2.0 * self._body)
+            heard = walls[: len(scan)]
+            gaps = np.vstack([narrow, continued(heard, points, cfg.on_line_m, cfg.goes_on_m)])
         return _Walls(pivots, points, walls, fresh, gaps)
 
     def _evidence_of(self, frame: GridFrame, found: _Walls, doubtful: bool) -> tuple[Array, Array]:

@@ -35,7 +35,8 @@ SECOND_CHANCE_AFTER_M2 = 4.0  # of free space found since the last one
 LOOP_TRIPS = 12  # drives to close loops
 LOOP_GOAL_M = 0.3  # nearer to where two of them went, none is sent any more
 FAR_SHARE = 0.05  # of the way driven may be spent on daring and doubts farther off: they seldom find much;
-FAR_LEAST_M = 20.0  # [m], and so much from each find on: a room may be left behind a door that looks shut
+FAR_LEAST_M = 8.0  # [m], and so much from each find on: a room may be left behind a door that looks shut;
+FAR_FIND_SHARE = 0.1  # or, where that is more, so much of the way driven till then
 LINK_SHARE = (
     0.05  # of the way driven may be spent on meeting dangling chains where nothing new is to be seen,
 )
@@ -263,7 +264,7 @@ class Offers:
         free_m2 = here.free_m2
         if free_m2 >= self._free_m2_at_doubts + DOUBTS_AGAIN_AFTER_M2:
             self._free_m2_at_doubts, self._doubts = free_m2, DOUBTS
-            self._far_m = max(self._far_m, FAR_LEAST_M)
+            self._far_m = max(self._far_m, FAR_LEAST_M, FAR_FIND_SHARE * self._driven_m)
         # what was drawn twice and is drawn once since the poses were corrected was no find
         self._free_m2_at_doubts = min(self._free_m2_at_doubts, free_m2)
         if not self._doubts:

@@ -158,10 +158,23 @@ def test_two_wall_ends_are_bridged_where_the_body_cannot_pass_and_only_there(see
         assert np.hypot(*(found[0, 2:] - found[0, :2])) == pytest.approx(gap)
 
 
-@pytest.mark.parametrize(("gap", "middle"), [(0.10, OCCUPIED), (0.30, OCCUPIED), (0.44, FREE), (0.80, FREE)])
-def test_silence_passes_a_door_but_not_a_gap_too_narrow_for_the_body(gap, middle):
+@pytest.mark.parametrize(
+    ("gap", "jambs", "middle"),
+    [
+        (0.10, True, OCCUPIED),
+        (0.30, True, OCCUPIED),
+        (0.44, True, FREE),
+        (0.80, True, FREE),
+        (0.80, False, OCCUPIED),
+    ],
+)
+def test_silence_passes_a_door_but_neither_what_is_too_narrow_for_the_body_nor_what_has_no_jambs(
+    gap, jambs, middle
+):
     walls = [[1.0, -1.0, 1.0, -0.5 * gap], [1.0, 0.5 * gap, 1.0, 1.0]]
-    grid = draw([Pose(0, 0, 0)] * 2, [seen(walls), nothing_seen(clear_m=1.4)])
+    edges = np.array([[1.0, -0.5 * gap], [1.0, 0.5 * gap]])
+    look = replace(seen(walls), points=edges if jambs else np.zeros((0, 2)))
+    grid = draw([Pose(0, 0, 0)] * 2, [look, nothing_seen(clear_m=1.4)])
     assert state(grid, 1.0, 0.0) == middle
     assert (state(grid, 1.2, 0.0) == FREE) == (middle == FREE)
 

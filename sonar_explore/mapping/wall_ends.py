@@ -1,0 +1,117 @@
+"""How a wall goes on beyond where it was heard: to the edge, the corner or the wall that ends it.
+
+A scan meets a wall's normal only from in front of it, and never beside a corner, where the robot has no room. What is
+left open there looks like a way out. But an opening has jambs, and jambs answer: where none did, the wall goes on.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sonar_explore.compiled import kernel
+from sonar_explore.geometry import Array
+
+ALIKE = math.sin(math.radians(15.0))  # sine of the angle between walls that may be one
+ACROSS = math.sin(math.radians(30.0))  # and of those that may meet in a corner
+
+
+def continued(walls: Array, points: Array, beside_m: float, reach_m: float) -> Array:
+    """Pieces of wall from the ends of walls to what ends them, shape (k, 4), [m].
+
+    A wall goes on until something ends it, and what does answers: an edge at a jamb, a corner, another wall. No scan
+    meets its normal beside a corner, and a wide corner sends nothing back: two walls that head for each other meet.
+
+    Args:
+        walls: cut at the points that lie on them, shape (n, 4), map frame, [m].
+        points: edges and corners, shape (k, 2), map frame, [m].
+        beside_m: so far beside its line, [m], is on it.
+        reach_m: a wall that nothing ends so near goes nowhere, [m].
+    """
+    if len(walls) < 2:
+        return np.zeros((0, 4))
+    middle, half = 0.5 * (walls[:, :2] + walls[:, 2:]), 0.5 * (walls[:, 2:] - walls[:, :2])
+    length = np.maximum(np.hypot(*half.T), 1e-9)
+    lines = np.column_stack([middle, half / length[:, None], length])[np.argsort(middle[:, 0])]
+    points = points[np.argsort(points[:, 0])]
+    around = lines[:, 4] + reach_m + beside_m
+    first, last = (np.searchsorted(points[:, 0], lines[:, 0] + off) for off in (-around, around))
+    around += lines[:, 4].max() + reach_m
+    first_wall, last_wall = (np.searchsorted(lines[:, 0], lines[:, 0] + off) for off in (-around, around))
+    open_m, goes_m = np.zeros((len(lines), 2)), np.zeros((len(lines), 2))
+    _open_ends(lines, points, first, last, first_wall, last_wall, beside_m, reach_m, open_m)
+    _meet(lines, first_wall, last_wall, beside_m, reach_m, open_m, goes_m)
+    out = [np.zeros((0, 4))]
+    for side, sign in ((0, -1.0), (1, 1.0)):
+        x, y, ux, uy, half_m = lines[goes_m[:, side] > 0.0].T
+        end, beyond = sign * half_m, sign * (half_m + goes_m[goes_m[:, side] > 0.0, side])
+        out.append(np.column_stack([x + ux * end, y + uy * end, x + ux * beyond, y + uy * beyond]))
+    return np.vstack(out)
+
+
+@kernel
+def _open_ends(lines, points, first, last, first_wall, last_wall, beside, reach, open_m):  # type: ignore[no-untyped-def]
+    """How far each end may go on: to the nearest point ahead, or beyond reach; 0 where a point or its own wall is at
+    the end."""
+    for i in range(len(lines)):
+        x, y, ux, uy, half = lines[i]
+        for side in range(2):
+            sign = 2.0 * side - 1.0
+            ahead = 2.0 * reach
+            for k in range(first[i], last[i]):
+                dx, dy = points[k, 0] - x, points[k, 1] - y
+                at = sign * (dx * ux + dy * uy)
+                if at > 0.0 and at - half >= -beside and abs(dx * uy - dy * ux) <= beside:
+                    ahead = min(ahead, at - half)
+            if ahead <= beside:
+                continue
+            end_x, end_y = x + sign * half * ux, y + sign * half * uy
+            covered = False
+            for j in range(first_wall[i], last_wall[i]):
+                dx, dy = end_x - lines[j, 0], end_y - lines[j, 1]
+                if (
+                    abs(ux * lines[j, 3] - uy * lines[j, 2]) <= ALIKE
+                    and abs(dx * lines[j, 3] - dy * lines[j, 2]) <= beside
+                ):
+                    along = dx * lines[j, 2] + dy * lines[j, 3]
+                    onward = sign * (ux * lines[j, 2] + uy * lines[j, 3])
+                    if j != i and abs(along + 0.5 * beside * onward) <= lines[j, 4]:
+                        covered = True
+                        break
+            if not covered:
+                open_m[i, side] = ahead
+
+
+@kernel
+def _meet(lines, first_wall, last_wall, beside, reach, open_m, goes_m):  # type: ignore[no-untyped-def]
+    """How far each open end goes on until it meets a point or a wall, or where another open end gets to; 0 for none."""
+    for i in range(len(lines)):
+        x, y, ux, uy, half = lines[i]
+        for side in range(2):
+            nearest = open_m[i, side]
+            if nearest <= 0.0:
+                continue
+            sign = 2.0 * side - 1.0
+            vx, vy = sign * ux, sign * uy
+            x0, y0 = x + half * vx, y + half * vy
+            for j in range(first_wall[i], last_wall[i]):
+                if j == i:
+                    continue
+                wx, wy = lines[j, 2], lines[j, 3]
+                dx, dy = lines[j, 0] - x0, lines[j, 1] - y0
+                cross = vx * wy - vy * wx
+                if abs(cross) <= ALIKE:
+                    if abs(dx * vy - dy * vx) <= beside:
+                        at = dx * vx + dy * vy - lines[j, 4]
+                        if at > 0.0:
+                            nearest = min(nearest, at)
+                elif abs(cross) >= ACROSS:
+                    at = (dx * wy - dy * wx) / cross
+                    if 0.0 < at < nearest:
+                        on = (dx * vy - dy * vx) / cross
+                        more = min(reach, open_m[j, 1 if on > 0.0 else 0])
+                        if abs(on) <= lines[j, 4] + more:
+                            nearest = at
+            if nearest <= reach:
+                goes_m[i, side] = nearest
