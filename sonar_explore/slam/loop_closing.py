@@ -42,7 +42,7 @@ class LoopConfig:
     """Two points and the two that they are have distances that differ by no more, [m]."""
     baseline_m: float = 0.5
     """Two points nearer to one another tell no turn, [m]."""
-    reach_m: float = 3.0
+    reach_m: float = 6.0
     """No loop is closed over a larger gap, [m]."""
     gate: float = 16.0
     """Nor over one whose squared Mahalanobis distance, by the way between, is larger: 99.9 % of three dimensions."""
