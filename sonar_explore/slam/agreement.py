@@ -91,28 +91,26 @@ class Extraction:
 
     def features(self, error: float | None = None) -> tuple[Feature, ...]:
         """By bearing, each turned by this share of how far the robot had turned when it was heard."""
-        if error is None:
-            return (*self.of_one_disc, *[self._feature(*row) for row in self.of_several.tolist()])
-        rows = self.of_several.copy()
-        _straightened(rows, error)
-        straight = [f.turned(error * f.sweep_rad) for f in self.of_one_disc]
-        return (*straight, *[self._feature(*row) for row in rows.tolist()])
-
-    def _feature(
-        self,
-        bearing: float,
-        depth: float,
-        sweep: float,
-        width: float,
-        aside: float,
-        discs: float,
-        kind: float,
-        start: float,
-        length: float,
-        *ends: float,
-    ) -> Feature:
-        readings = self.around[int(start) : int(start + length)]
-        return Feature(KINDS[int(kind)], bearing, depth, width, Segment(*ends), readings, sweep, int(discs))
+        rows, found = self.of_several, self.of_one_disc
+        if error is not None:
+            rows, found = rows.copy(), tuple(f.turned(error * f.sweep_rad) for f in found)
+            _straightened(rows, error)
+        around = self.around
+        return found + tuple(
+            [
+                Feature(
+                    KINDS[int(kind)],
+                    bearing,
+                    depth,
+                    width,
+                    Segment(x1, y1, x2, y2),
+                    around[int(start) : int(start + length)],
+                    sweep,
+                    int(discs),
+                )
+                for bearing, depth, sweep, width, _, discs, kind, start, length, x1, y1, x2, y2 in rows.tolist()
+            ]
+        )
 
 
 def extract(

@@ -64,23 +64,20 @@ def associate(
     if not walls or not len(chains):
         return ()
     measured, placed = np.array([features[i].segment.as_row() for i in walls]), np.empty((len(walls), 4))
-    pose, near = pose_robot_in_map, np.empty(len(chains.segments), dtype=np.intp)
+    pose, links, owners = pose_robot_in_map, chains.segments, chains.owners
     # Both ends within the first gate of a line are within three times its width (the mean of ends and middle), so
     # where the two overlap they come that close, and where they do not, as close as the second gate.
     reach = max(3.0 * config.line_distance_max_m, config.end_gap_max_m) + 1e-6
-    near = near[: _near(measured, pose.x, pose.y, pose.heading, reach, chains.segments, placed, near)]
-    links, owners = chains.segments[near], chains.chain_ids[near]
-    found, gaps = np.empty((len(walls) * len(near), 2), dtype=np.intp), np.empty((len(walls) * len(near), 3))
-    count = _meet(placed, _angles(placed), links, _angles(links), owners, _gates(config), found, gaps)
-    places = chains.link_indices[near].tolist()
+    near, rises = _near(measured, pose.x, pose.y, pose.heading, reach, links, placed)
+    if not len(near):
+        return ()
+    angles, most = np.arctan2(rises[0], rises[1]), len(walls) * len(near)
+    found, gaps = np.empty((most, 2), dtype=np.intp), np.empty((most, 3))
+    count = _meet(placed, near, angles, links, owners, _gates(config), found, gaps)
     return tuple(
-        Association(walls[row], int(owners[column]), places[column], *gap)
-        for (row, column), gap in zip(found[:count].tolist(), gaps[:count].tolist(), strict=True)
+        Association(walls[wall], *owners[row, :2].tolist(), *gap)
+        for (wall, row), gap in zip(found[:count].tolist(), gaps[:count].tolist(), strict=True)
     )
-
-
-def _angles(segments: Array) -> Array:
-    return np.arctan2(segments[:, 3] - segments[:, 1], segments[:, 2] - segments[:, 0])
 
 
 @lru_cache(maxsize=4)
@@ -92,8 +89,9 @@ def _gates(config: AssociationConfig) -> Array:
 
 
 @kernel
-def _near(measured, x, y, heading, reach, links, placed, rows):  # type: ignore[no-untyped-def]
-    """Segments of a scan placed by its pose, and the rows of the links whose boxes come this near to theirs, rising."""
+def _near(measured, x, y, heading, reach, links, placed):  # type: ignore[no-untyped-def]
+    """Segments of a scan are `placed` by its pose; the rows of the links whose boxes come this near to theirs, rising,
+    and what each segment and then each of these links rises by in y, and in x."""
     c, s = math.cos(heading), math.sin(heading)
     x0, y0, x1, y1 = np.inf, np.inf, -np.inf, -np.inf
     for i in range(len(measured)):
@@ -103,38 +101,48 @@ def _near(measured, x, y, heading, reach, links, placed, rows):  # type: ignore[
             placed[i, k], placed[i, k + 1] = px, py
             x0, y0, x1, y1 = min(x0, px), min(y0, py), max(x1, px), max(y1, py)
     x0, y0, x1, y1 = x0 - reach, y0 - reach, x1 + reach, y1 + reach
-    n = 0
+    n, rows = 0, np.empty(len(links), dtype=np.int64)
     for i in range(len(links)):
         ax, ay, bx, by = links[i, 0], links[i, 1], links[i, 2], links[i, 3]
         if (ax < x0 and bx < x0) or (ax > x1 and bx > x1) or (ay < y0 and by < y0) or (ay > y1 and by > y1):
             continue
         rows[n] = i
         n += 1
-    return n
+    m, rises = len(placed), np.empty((2, len(placed) + n))
+    for i in range(m + n):
+        segment = placed[i] if i < m else links[rows[i - m]]
+        rises[0, i], rises[1, i] = segment[3] - segment[1], segment[2] - segment[0]
+    return rows[:n].copy(), rises
 
 
 @kernel
-def _meet(walls, wall_angles, links, link_angles, owners, gates, found, gaps):  # type: ignore[no-untyped-def]
-    """Wall and link of each association into `found`, d1, d2 and a1 into `gaps`: how many."""
-    along = np.empty((len(links), 3))
-    for j in range(len(links)):
-        along[j, 0], along[j, 1] = math.cos(link_angles[j]), math.sin(link_angles[j])
-        along[j, 2] = np.hypot(links[j, 2] - links[j, 0], links[j, 3] - links[j, 1])
+def _meet(walls, near, angles, links, owners, gates, found, gaps):  # type: ignore[no-untyped-def]
+    """Wall and row of the link of each association into `found`, d1, d2 and a1 into `gaps`: how many.
+
+    Args:
+        near: rows of the links that are looked at.
+        angles: of the walls, then of these links.
+    """
+    along = np.empty((len(near), 3))
+    for j in range(len(near)):
+        link, angle = links[near[j]], angles[len(walls) + j]
+        along[j, 0], along[j, 1] = math.cos(angle), math.sin(angle)
+        along[j, 2] = np.hypot(link[2] - link[0], link[3] - link[1])
     count = 0
     for i in range(len(walls)):
         first = count
-        for j in range(len(links)):
-            turn = link_angles[j] - wall_angles[i]
+        for j in range(len(near)):
+            turn = angles[len(walls) + j] - angles[i]
             angle = math.pi / 2 - (math.pi / 2 - turn) % math.pi
             if abs(angle) > gates[2] or (gates[3] and not math.cos(turn) > 0.0):
                 continue
-            line_distance, end_gap = _gaps(walls[i], links[j], along[j])
+            line_distance, end_gap = _gaps(walls[i], links[near[j]], along[j])
             if not (line_distance <= gates[0] and end_gap <= gates[1]):
                 continue
             at = first
-            while at < count and owners[found[at, 1]] < owners[j]:
+            while at < count and owners[found[at, 1], 0] < owners[near[j], 0]:
                 at += 1
-            if at < count and owners[found[at, 1]] == owners[j]:
+            if at < count and owners[found[at, 1], 0] == owners[near[j], 0]:
                 if not _closer(line_distance, end_gap, angle, gaps[at]):
                     continue
             else:
@@ -142,7 +150,7 @@ def _meet(walls, wall_angles, links, link_angles, owners, gates, found, gaps):  
                     found[k, 0], found[k, 1] = found[k - 1, 0], found[k - 1, 1]
                     gaps[k, 0], gaps[k, 1], gaps[k, 2] = gaps[k - 1, 0], gaps[k - 1, 1], gaps[k - 1, 2]
                 count += 1
-            found[at, 0], found[at, 1] = i, j
+            found[at, 0], found[at, 1] = i, near[j]
             gaps[at, 0], gaps[at, 1], gaps[at, 2] = line_distance, end_gap, angle
     return count
 

@@ -133,6 +133,11 @@ class ChainMap:
         return self._segments[: self._size]
 
     @property
+    def owners(self) -> NDArray[np.intp]:
+        """Chain, place among its links, and scan of each row of `segments`, shape (n, 3)."""
+        return self._owners[: self._size]
+
+    @property
     def chain_ids(self) -> NDArray[np.intp]:
         """The chain of each row of `segments`, shape (n,)."""
         return self._owners[: self._size, 0]

@@ -204,6 +204,16 @@ def wrapped(angle):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def full_turn(headings, bearings):  # type: ignore[no-untyped-def]
+    """The turn of a scan, signed: one usual step more than from its first reading to its last."""
+    reached = headings[0]
+    for heading in headings:
+        if abs(heading) > abs(reached):
+            reached = heading
+    return reached + math.copysign(_usual_step(bearings), reached)
+
+
+@kernel
 def _usual_step(bearings):  # type: ignore[no-untyped-def]
     """Median of the angles between two readings."""
     n = len(bearings) - 1

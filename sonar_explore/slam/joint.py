@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,11 +48,10 @@ class JointSlam(ChainSlam):
         self._predicted, self._features = predicted, features
         rows = np.empty((len(associations), 4))
         for i, a in enumerate(associations):
-            chain = self.chains[a.chain]
-            near = chain.links[a.link].segment.midpoint
-            line = self._filter.line(a.chain, near)
+            x1, y1, x2, y2 = self.chains.segments[self.chains.row(a.chain, a.link)].tolist()
+            line = self._filter.line(a.chain, (0.5 * (x1 + x2), 0.5 * (y1 + y2)))
             if line is None:
-                line = reference_line(chain, self.config.reference)
+                line = reference_line(self.chains[a.chain], self.config.reference)
                 self._filter.adopt(a.chain, line, len(self._entries))
             rows[i] = line.as_row()
         return rows
@@ -78,11 +76,9 @@ class JointSlam(ChainSlam):
             same = sorted({(c[0], other) for c in surest.values() for other in c[1:]})
             walls = [self._features[f] for f in surest]
             pose = self._filter.by_walls(pose, walls, [c[0] for c in surest.values()], same, index)
-        straight = self._smear - self._known
-        points = [replace(p, bearing_rad=p.bearing_rad + straight * p.sweep_rad) for p in self._points]
-        pose = self._filter.by_points(pose, points, index)
+        pose = self._filter.by_points(pose, self._points, index, self._smear - self._known)
         return Correction(pose.x - predicted.x, pose.y - predicted.y, pose.heading - predicted.heading)
 
     def _by_certainty(self, chain: int) -> tuple[float, int]:
         """The order in which a merge keeps them."""
-        return -self.chains[chain].root_probability, chain
+        return -self.chains.root_probability(chain), chain

@@ -95,8 +95,8 @@ class JointFilter(OdometryFilter):
         self._full[SCALE, SCALE] = config.range_scale**2
         self._slots: dict[int, int] = {}
         """The row among the landmarks of each chain."""
-        self._huber = config.huber_sigmas**2
-        self._gate = -2.0 * math.log(1.0 - config.gate_share)  # chi-squared, two degrees
+        self._joint_huber = config.huber_sigmas**2
+        self._joint_gate = -2.0 * math.log(1.0 - config.gate_share)  # chi-squared, two degrees
         self._same_noise = np.array([config.same_rad**2, config.same_m**2])
 
     @property
@@ -134,7 +134,7 @@ class JointFilter(OdometryFilter):
         """Learn from what the discs say of the turn."""
         before, state = self.turn_error, self._state(pose)
         self._spread()
-        turn_learned(state, self.landmarks, *self._unsettled, turn.relative, turn.sigma**2, self._huber)
+        turn_learned(state, self.landmarks, *self._unsettled, turn.relative, turn.sigma**2, self._joint_huber)
         return self._believe(state), self.turn_error - before + self.own_error
 
     def line(self, chain: int, near: tuple[float, float]) -> Segment | None:
@@ -157,7 +157,7 @@ class JointFilter(OdometryFilter):
             self._spread()
             heard = self._walls(walls, chains)
             walls_off(self._state(pose), self.landmarks, *self._unsettled, heard, off)
-        return np.asarray(off <= self._gate)
+        return np.asarray(off <= self._joint_gate)
 
     def by_walls(
         self,
@@ -174,20 +174,24 @@ class JointFilter(OdometryFilter):
         state, heard = self._state(pose), self._walls(walls, chains)
         lines = np.array([(self._slots[a], self._slots[b]) for a, b in same], dtype=np.int64).reshape(-1, 2)
         told = heard, lines, self._same_noise
-        walls_learned(state, self.landmarks, *self._unsettled, *told, self._huber, scan)
+        walls_learned(state, self.landmarks, *self._unsettled, *told, self._joint_huber, scan)
         return self._believe(state)
 
-    def by_points(self, pose: Pose, points: Sequence[Point], scan: int) -> Pose:
-        """The pose after the points of a scan that are known; the others are known from now on."""
+    def by_points(self, pose: Pose, points: Sequence[Point], scan: int, turn_error: float = 0.0) -> Pose:
+        """The pose after the points of a scan that are known; the others are known from now on.
+
+        Args:
+            turn_error: by how much more the robot turned than their bearings have it, relative.
+        """
         if not points:
             return pose
         self._spread()
-        state, heard, joint = self._state(pose), self._points(points), self.joint
+        state, heard, joint = self._state(pose), self._points(points, turn_error), self.joint
         kinds, met = (
             np.array([point.kind for point in points], dtype=float),
             np.empty(len(points), dtype=bool),
         )
-        limits = joint.reach_m, self._gate, joint.unmatched, MOST_STEPS, self._huber
+        limits = joint.reach_m, self._joint_gate, joint.unmatched, MOST_STEPS, self._joint_huber
         points_learned(state, self.landmarks, *self._unsettled, heard, kinds, *limits, scan, met)
         self._make_room(len(points))
         self._count = points_added(state, self._marks, self._count, *self._unsettled, heard, kinds, met, scan)
@@ -240,17 +244,14 @@ class JointFilter(OdometryFilter):
             ]
         )
 
-    def _points(self, points: Sequence[Point]) -> Array:
+    def _points(self, points: Sequence[Point], turn_error: float) -> Array:
         """As rows of what was heard, of no landmark yet."""
         bearing, spread = self.joint.point_bearing_rad**2, self.joint.point_range_m**2
-        share = self.joint.radius_share
-        return np.array(
-            [
-                (0.0, p.bearing_rad, p.range_m, p.sweep_rad, bearing, spread + (share * r) ** 2, r)
-                for p in points
-                for r in (p.radius_m,)
-            ]
-        )
+        share, rows = self.joint.radius_share, []
+        for p in points:
+            turned, variance = p.bearing_rad + turn_error * p.sweep_rad, spread + (share * p.radius_m) ** 2
+            rows.append((0.0, turned, p.range_m, p.sweep_rad, bearing, variance, p.radius_m))
+        return np.array(rows)
 
     def _make_room(self, more: int) -> None:
         """For so many landmarks more."""

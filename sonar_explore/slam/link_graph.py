@@ -129,7 +129,7 @@ def _angle_misfit(adr, margin, misfit):  # type: ignore[no-untyped-def]
 
 @kernel
 def _distance_misfit(ndr, normals, margin, misfit):  # type: ignore[no-untyped-def]
-    """|d_j - d_i n_i . n_j| / th2, row i fitted by the shift -d_i n_i, shape (n, n)."""
+    """|d_j - d_i facing_ij| / th2, row i fitted by the shift -d_i n_i; facing_ij is the product of normals i and j."""
     n = len(ndr)
     threshold = total(np.abs(ndr)) / n + margin
     for i in range(n):

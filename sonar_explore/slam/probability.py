@@ -120,6 +120,6 @@ class RootCertainty:
     def after(self, kept_root_probability: Array) -> RootCertainty:
         """The certainty of the next scan, given P(root) of its surviving associations, shape (n,)."""
         if len(kept_root_probability):
-            mean = float(np.mean(kept_root_probability))  # equation (3)
+            mean = _mean(kept_root_probability.tolist())  # equation (3)
             return RootCertainty(mean, False, mean)
         return RootCertainty(DANGLING_SHARE * self.latest_case_a, True, self.latest_case_a)

@@ -70,14 +70,22 @@ def residuals_to_lines(
         links[i] = chains.segments[chains.row(a.chain, a.link)]
         bearings[i], found.range_m[i] = feature.bearing_rad, feature.range_m
         found.discs[i], found.root_probability[i] = feature.discs, chains.root_probability(a.chain)
+    to_links = found.link_ndr_m, found.link_normals
+    to_roots = found.adr_rad, found.ndr_m, found.normals
     place = pose.x, pose.y, pose.heading
-    _offsets(*place, bearings, found.range_m, links, found.adr_rad, found.link_ndr_m, found.link_normals)
-    _offsets(*place, bearings, found.range_m, roots, found.adr_rad, found.ndr_m, found.normals)
+    _offsets(*place, bearings, found.range_m, links, roots, *to_links, *to_roots)
     return found
 
 
 @lean_kernel
-def _offsets(x, y, heading, bearings, ranges, lines, angles, distances, normals):  # type: ignore[no-untyped-def]
+def _offsets(x, y, heading, bearings, ranges, links, roots, link_ndr, link_normals, adr, ndr, normals):  # type: ignore[no-untyped-def]
+    """To the lines of links and of roots."""
+    _offsets_to(x, y, heading, bearings, ranges, links, adr, link_ndr, link_normals)
+    _offsets_to(x, y, heading, bearings, ranges, roots, adr, ndr, normals)
+
+
+@inner_kernel
+def _offsets_to(x, y, heading, bearings, ranges, lines, angles, distances, normals):  # type: ignore[no-untyped-def]
     """Angle from each feature to its line [rad], signed normal distance once parallel to it [m], normal of the line."""
     for i in range(len(bearings)):
         direction = _undirected(math.atan2(lines[i, 3] - lines[i, 1], lines[i, 2] - lines[i, 0]))

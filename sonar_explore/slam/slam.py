@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from sonar_explore.slam.chains import ChainMap, Link
 from sonar_explore.slam.discs import TurnError
 from sonar_explore.slam.dual import Merge, merge_dual_associations, surviving
 from sonar_explore.slam.features import Feature, FeatureKind
+from sonar_explore.slam.heard import full_turn
 from sonar_explore.slam.link_graph import LinkGraphs, fit_link_graphs
 from sonar_explore.slam.localization import Correction, localize
 from sonar_explore.slam.odometry_filter import OdometryFilter
@@ -102,7 +104,7 @@ class ChainSlam:
         believable = self._believable(associations, residuals) & follows_the_wall(
             predicted, features, associations, self.chains, self._pose_of, config.turning
         )
-        associations = tuple(a for a, ok in zip(associations, believable, strict=True) if ok)
+        associations = tuple(compress(associations, believable.tolist()))
         residuals = residuals.only(believable)
         graphs = fit_link_graphs(associations, residuals, config.link_graph)
         correction = self._correct(predicted, features, graphs, residuals)
@@ -239,5 +241,4 @@ class KnownPose(DeadReckoning):
 
 def turn_of(scan: Scan) -> float:
     """The full turn of a scan, signed, [rad]: one step more than from its first reading to its last."""
-    reached = float(scan.headings_rad[np.argmax(np.abs(scan.headings_rad))])
-    return reached + math.copysign(scan.step_rad, reached)
+    return float(full_turn(np.asarray(scan.headings_rad, dtype=float), scan.bearings_rad))

@@ -121,7 +121,7 @@ STATEMENTS: tuple[Statement, ...] = (
     _c(
         "Distance fit: every feature is made parallel to its root about the robot; all are shifted by one feature's "
         "normal distance.",
-        (_GRAPH + "_distance_misfit", "slam/residuals.py:_offsets"),
+        (_GRAPH + "_distance_misfit", "slam/residuals.py:_offsets_to"),
         ("figure_8_fitting_a_b_c_or_d_wins_the_distance_fit_with_the_same_graph",),
         "8",
     ),
