@@ -100,12 +100,10 @@ def drive(  # type: ignore[no-untyped-def]
             fire_all(fired[:n], hearing[0], hearing[1], hearing[2], hearing[3], heard[:n], kinds[:n])
             progress[SINCE_GLANCE] = 0.0 if move == GLANCE else since
             progress[LISTENED] = 1.0 if move == LISTEN else listened
-        for k in range(n):
-            ring = rings[done + k]
-            _copy(rings[done + k - 1], ring)
-            ring[(disc + k) % len(mounts)] = _reported(heard[k], draws[k, 2], draws[k, 3], robot[2])
-            carried(odometries[done + k - 1], odometries[done + k], belief, spread)
-            _copy(belief[:3], poses[k])
+        _take_in(
+            heard[:n], draws, robot, disc, rings[done - 1 :], odometries[done - 1 :], belief, poses, spread
+        )
+        for _ in range(n):
             progress[TIME] += robot[0][2]
         count = note_echoes(pieces, count, poses[:n], rings[done : done + n], last, mounts, silence, points)
         disc = (disc + n) % len(mounts)
@@ -138,6 +136,18 @@ def _turn(state, robot, rates, draws, mounts, disc, fired, trues, odometries):  
         state[ODOMETRY, 2] += turn
         _note(state, trues[k], odometries[k])
         mounted(state[TRUE], mounts[(disc + k) % len(mounts)], fired[k])
+
+
+@inner_kernel
+def _take_in(heard, draws, robot, disc, rings, odometries, belief, poses, spread):  # type: ignore[no-untyped-def]
+    """What was heard at some ticks goes into the rings, where the robot believes to be into `poses`; the first rows of
+    rings and odometries are those before."""
+    for k in range(len(heard)):
+        _copy(rings[k], rings[k + 1])
+        fired = (disc + k) % rings.shape[1]
+        rings[k + 1, fired] = _reported(heard[k], draws[k, 2], draws[k, 3], robot[2])
+        carried(odometries[k], odometries[k + 1], belief, spread)
+        _copy(belief[:3], poses[k])
 
 
 @inner_kernel

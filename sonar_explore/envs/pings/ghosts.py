@@ -87,19 +87,25 @@ def ghost(silent, heading, allowed, circle, things, near, room, ear, base, known
             )
             if in_sight == 0:
                 continue
-            h = mirrored_heading(heading, walls, w1)
-            q1x, q1y = mirrored(px, py, walls, w1)
-            qx, qy, gain = q1x, q1y, ear.loss**2
-            if mirror_count == 2:
-                h = mirrored_heading(h, walls, w2)
-                qx, qy = mirrored(q1x, q1y, walls, w2)
-                gain = ear.loss**4
-            image = Disc(px, py, q1x, q1y, qx, qy, math.cos(h), math.sin(h))
-            by = Circle(circle.x, circle.y, circle.rho, gain, w1, w2)
+            image, by = _image(px, py, heading, circle, w1, w2, walls, ear.loss)
             r, k = nearest_source(image, by, best, things, near, room, places, in_sight, ear)
             if k != NOTHING:
                 best, kind = r, k + mirror_count * GHOST
     return best, kind, known
+
+
+@inlined_kernel
+def _image(px, py, heading, circle, w1, w2, walls, loss):  # type: ignore[no-untyped-def]
+    """The disc in one mirror, or in two, and its circle."""
+    h = mirrored_heading(heading, walls, w1)
+    q1x, q1y = mirrored(px, py, walls, w1)
+    qx, qy, gain = q1x, q1y, loss**2
+    if w2 != NONE:
+        h = mirrored_heading(h, walls, w2)
+        qx, qy = mirrored(q1x, q1y, walls, w2)
+        gain = loss**4
+    image = Disc(px, py, q1x, q1y, qx, qy, math.cos(h), math.sin(h))
+    return image, Circle(circle.x, circle.y, circle.rho, gain, w1, w2)
 
 
 @inner_kernel
