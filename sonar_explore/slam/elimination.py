@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array
 from sonar_explore.slam.cholesky import covariances
-from sonar_explore.slam.factor_graph import CONSTANTS, FactorGraph, doubled
+from sonar_explore.slam.factor_graph import FactorGraph, doubled
 
 POSE_DIMS = 4
 """Numbers of a scan's pose; no other variable has as many."""
@@ -174,19 +174,37 @@ def ordered(graph: FactorGraph) -> NDArray[np.int64]:
     The last scan and what it heard come last of all: the next scan will be tied to them, and what is changed late in
     the order changes little else (the constrained order of iSAM2).
     """
-    used = np.unique(graph.ends)
-    used = used[used > CONSTANTS]
-    order = np.empty(len(used), dtype=np.int64)
-    number = np.zeros(graph.variables, dtype=np.int64)
-    number[used] = np.arange(len(used))
-    tied = np.zeros((len(used), len(used)), dtype=bool)
-    first, second = number[graph.ends[graph.ends[:, 1] >= 0]].T
-    tied[first, second] = tied[second, first] = True
-    last = np.flatnonzero(graph.dims[used] == POSE_DIMS)[-1:]
-    late = np.array(tied[last].any(axis=0))
-    late[last] = True
-    _minimum_degree(tied, graph.dims[used], late, order)
-    return np.append(used[order], CONSTANTS)
+    order = np.empty(graph.variables, dtype=np.int64)
+    return order[: _order(graph.ends, graph.dims, order)]
+
+
+@kernel
+def _order(ends, dims, order):  # type: ignore[no-untyped-def]
+    """`ordered` into `order`; how many."""
+    number, used, last = np.full(len(dims), -1), np.empty(len(dims), dtype=np.int64), -1
+    for f in range(len(ends)):
+        for side in range(2):
+            if ends[f, side] > 0:
+                number[ends[f, side]] = 0
+    n = 0
+    for v in range(1, len(dims)):
+        if number[v] == 0:
+            number[v], used[n] = n, v
+            last = n if dims[v] == POSE_DIMS else last
+            n += 1
+    tied, late = np.zeros((n, n), dtype=np.bool_), np.zeros(n, dtype=np.bool_)
+    for f in range(len(ends)):
+        if ends[f, 1] >= 0:
+            i, j = number[ends[f, 0]], number[ends[f, 1]]
+            tied[i, j] = tied[j, i] = True
+    if last >= 0:
+        late[:] = tied[last]
+        late[last] = True
+    _minimum_degree(tied, dims[used[:n]], late, order)
+    for p in range(n):
+        order[p] = used[order[p]]
+    order[n] = 0
+    return n + 1
 
 
 @kernel
