@@ -88,9 +88,9 @@ def _offsets(x, y, heading, bearings, ranges, links, roots, link_ndr, link_norma
 def _offsets_to(x, y, heading, bearings, ranges, lines, angles, distances, normals):  # type: ignore[no-untyped-def]
     """Angle from each feature to its line [rad], signed normal distance once parallel to it [m], normal of the line."""
     for i in range(len(bearings)):
-        direction = _undirected(math.atan2(lines[i, 3] - lines[i, 1], lines[i, 2] - lines[i, 0]))
+        direction = undirected(math.atan2(lines[i, 3] - lines[i, 1], lines[i, 2] - lines[i, 0]))
         in_map = heading + bearings[i]
-        angles[i] = _undirected(direction - (in_map + math.pi / 2))
+        angles[i] = undirected(direction - (in_map + math.pi / 2))
         foot_x = x + ranges[i] * math.cos(in_map + angles[i])
         foot_y = y + ranges[i] * math.sin(in_map + angles[i])
         normals[i, 0], normals[i, 1] = -math.sin(direction), math.cos(direction)
@@ -98,6 +98,6 @@ def _offsets_to(x, y, heading, bearings, ranges, lines, angles, distances, norma
 
 
 @inner_kernel
-def _undirected(angle):  # type: ignore[no-untyped-def]
+def undirected(angle):  # type: ignore[no-untyped-def]
     """`geometry.wrap_undirected`."""
     return math.pi / 2 - (math.pi / 2 - angle) % math.pi

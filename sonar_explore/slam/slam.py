@@ -102,7 +102,7 @@ class ChainSlam:
         reference = self._reference(predicted, features, associations)
         residuals = residuals_to_lines(predicted, features, associations, self.chains, reference)
         believable = self._believable(associations, residuals) & follows_the_wall(
-            predicted, features, associations, self.chains, self._pose_of, config.turning
+            predicted, features, associations, self.chains, self._poses_of, config.turning
         )
         associations = tuple(compress(associations, believable.tolist()))
         residuals = residuals.only(believable)
@@ -155,9 +155,9 @@ class ChainSlam:
         """Which associations the odometry allows, shape (n,)."""
         return self._filter.believable(residuals)
 
-    def _pose_of(self, scan: int) -> Pose:
-        """Where a scan is believed to have begun."""
-        return self._entries[scan].pose
+    def _poses_of(self, scans: NDArray[np.intp]) -> Array:
+        """Where these scans are believed to have begun, x, y [m], heading [rad], as rows."""
+        return np.array([self._entries[k].pose.as_row() for k in scans.tolist()])
 
     def _predicted_at(self, scan: Scan) -> Pose:
         """Where the scan began: by odometry, or as placed."""

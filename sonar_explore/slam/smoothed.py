@@ -15,6 +15,7 @@ from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.association import Association
 from sonar_explore.slam.base import ScanEntry, ScanUpdate, SlamConfig
+from sonar_explore.slam.discs import TurnError
 from sonar_explore.slam.dual import surviving
 from sonar_explore.slam.features import Feature
 from sonar_explore.slam.known_points import KIND
@@ -57,6 +58,9 @@ class SmoothedSlam(ChainSlam):
     def _pose_of(self, scan: int) -> Pose:
         return Pose(*self._where[scan].tolist())
 
+    def _poses_of(self, scans: NDArray[np.intp]) -> Array:
+        return self._where[scans]
+
     def predict(self, pose_robot_in_odometry: Pose) -> Pose:
         """Carry the belief along with the odometry since the last call."""
         if self._odometry is not None:
@@ -75,7 +79,8 @@ class SmoothedSlam(ChainSlam):
         self._hears_points = self.config.agreement.enabled and bool(scan.others)
         update = super().update(scan)
         met = self._met_again(self._points, update.pose, self._smear - known)
-        heard = self._turn_heard and replace(self._turn_heard, relative=self._turn_heard.relative + known)
+        turn = self._turn_heard
+        heard = TurnError(turn.relative + known, turn.sigma) if turn else None
         self._smoother.add_scan(update.pose, self._motion.total if update.index else None, heard)
         self._motion.clear(turn_of(scan))
         for merge in update.merges:

@@ -13,10 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.geometry import Pose, Segment
+from sonar_explore.compiled import lean_kernel
+from sonar_explore.geometry import Array, Pose
 from sonar_explore.slam.association import Association
 from sonar_explore.slam.chains import ChainMap
 from sonar_explore.slam.features import Feature
+from sonar_explore.slam.residuals import undirected
 
 
 @dataclass(frozen=True)
@@ -36,28 +38,37 @@ def follows_the_wall(
     features: Sequence[Feature],
     associations: Sequence[Association],
     chains: ChainMap,
-    pose_of_scan: Callable[[int], Pose],
+    poses_of: Callable[[NDArray[np.intp]], Array],
     config: TurningConfig,
 ) -> NDArray[np.bool_]:
-    """Which associations may be of one wall seen twice, shape (n,)."""
-    if not config.enabled:
-        return np.ones(len(associations), dtype=bool)
-    verdicts = []
-    for a in associations:
-        row = chains.row(a.chain, a.link)
-        link, scan = Segment(*chains.segments[row].tolist()), int(chains.scan_indices[row])
-        verdicts.append(_follows(pose_robot_in_map, features[a.feature], link, pose_of_scan(scan), config))
-    return np.array(verdicts, dtype=bool)
+    """Which associations may be of one wall seen twice, shape (n,).
+
+    Args:
+        poses_of: x, y [m], heading [rad] of the scans of these indices, shape (n,), as rows.
+    """
+    out = np.ones(len(associations), dtype=bool)
+    if not config.enabled or not associations:
+        return out
+    rows = [chains.row(a.chain, a.link) for a in associations]
+    heard = [(features[a.feature].bearing_rad, features[a.feature].range_m) for a in associations]
+    pose, limits = pose_robot_in_map.as_row(), (config.moved_m, config.share)
+    scans = chains.scan_indices[rows]
+    _follow(pose, np.array(heard), chains.segments[rows], poses_of(scans), limits, out)
+    return out
 
 
-def _follows(pose: Pose, feature: Feature, link: Segment, link_pose: Pose, config: TurningConfig) -> bool:
-    along_x, along_y = math.cos(link.direction), math.sin(link.direction)
-    robot = (pose.x - link_pose.x) * along_x + (pose.y - link_pose.y) * along_y
-    if abs(robot) < config.moved_m:
-        return True
-    x, y = link.midpoint
-    bearing = pose.heading + feature.bearing_rad
-    foot_x = pose.x + feature.range_m * math.cos(bearing)
-    foot_y = pose.y + feature.range_m * math.sin(bearing)
-    foot = (foot_x - x) * along_x + (foot_y - y) * along_y
-    return foot / robot >= config.share
+@lean_kernel
+def _follow(pose, heard, links, link_poses, limits, out):  # type: ignore[no-untyped-def]
+    """Whether the foot of each wall, heard at a bearing and range, went along with the robot since the link."""
+    for i in range(len(links)):
+        x1, y1, x2, y2 = links[i, 0], links[i, 1], links[i, 2], links[i, 3]
+        direction = undirected(math.atan2(y2 - y1, x2 - x1))
+        along_x, along_y = math.cos(direction), math.sin(direction)
+        robot = (pose[0] - link_poses[i, 0]) * along_x + (pose[1] - link_poses[i, 1]) * along_y
+        if abs(robot) < limits[0]:
+            continue
+        bearing = pose[2] + heard[i, 0]
+        foot_x = pose[0] + heard[i, 1] * math.cos(bearing)
+        foot_y = pose[1] + heard[i, 1] * math.sin(bearing)
+        foot = (foot_x - 0.5 * (x1 + x2)) * along_x + (foot_y - 0.5 * (y1 + y2)) * along_y
+        out[i] = foot / robot >= limits[1]

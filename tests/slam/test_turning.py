@@ -23,8 +23,9 @@ def verdict(poses, features, config=ON):
     first, second = poses
     chains = ChainMap()
     chains.add_root(Link(features[0].segment.transformed(first), 0, 0, features[0]), 1.0)
+    same = [Association(0, 0, 0, 0.0, 0.0, 0.0)]
     (out,) = follows_the_wall(
-        second, [features[1]], [Association(0, 0, 0, 0.0, 0.0, 0.0)], chains, lambda _: first, config
+        second, [features[1]], same, chains, lambda _: np.array([first.as_row()]), config
     )
     return out
 
@@ -50,6 +51,27 @@ def test_an_edge_beside_the_way_is_none_once_the_robot_has_moved(turn, way, spin
     assert verdict(poses(turn, way, spin), features) == (abs(way) < ON.moved_m)
 
 
+def follows_plainly(pose, feature, link, link_pose):
+    along = np.array([math.cos(link.direction), math.sin(link.direction)])
+    robot = np.array([pose.x - link_pose.x, pose.y - link_pose.y]) @ along
+    foot = (pose @ Pose(0.0, 0.0, feature.bearing_rad)).transform(np.array([[feature.range_m, 0.0]]))[0]
+    return abs(robot) < ON.moved_m or (foot - link.midpoint) @ along / robot >= ON.share
+
+
+def test_many_associations_are_judged_as_one_by_one():
+    rng, chains = np.random.default_rng(0), ChainMap()
+    believed = [Pose(*row) for row in rng.normal(size=(30, 3)).tolist()]
+    features = [wall_feature(*row) for row in rng.uniform((-3.0, 0.3), (3.0, 1.8), (30, 2))]
+    for scan, (pose, feature) in enumerate(zip(believed, features, strict=True)):
+        chains.add_root(Link(feature.segment.transformed(pose), scan, 0, feature), 1.0)
+    here, rows = Pose(0.2, -0.1, 0.4), np.array([pose.as_row() for pose in believed])
+    links = [chains[k].root.segment for k in range(30)]
+    asked = [Association(int(f), k, 0, 0.0, 0.0, 0.0) for k, f in enumerate(rng.permutation(30))]
+    found = follows_the_wall(here, features, asked, chains, lambda scans: rows[scans], ON)
+    plain = [follows_plainly(here, features[a.feature], links[a.chain], believed[a.chain]) for a in asked]
+    assert found.tolist() == plain and 5 < sum(plain) < 25
+
+
 def test_the_paper_believes_every_association():
     features = wall_feature(math.pi / 2, 1.0), wall_feature(math.atan2(1.0, -0.5), math.hypot(1.0, 0.5))
     assert verdict(poses(0.0, 0.5, 0.0), features, TurningConfig())
@@ -57,5 +79,5 @@ def test_the_paper_believes_every_association():
 
 
 def test_nothing_associated_nothing_judged():
-    out = follows_the_wall(Pose(0, 0, 0), [], [], ChainMap(), lambda _: Pose(0, 0, 0), ON)
+    out = follows_the_wall(Pose(0, 0, 0), [], [], ChainMap(), lambda scans: np.zeros((len(scans), 3)), ON)
     assert out.shape == (0,) and out.dtype == np.bool_
