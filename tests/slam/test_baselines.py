@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_smoothing import log_of_a_drive
+from test_smoothed import log_of_a_drive
 
 from sonar_explore.geometry import Pose, Segment
 from sonar_explore.slam import Feature, FeatureKind, make_slam
