@@ -110,10 +110,10 @@ class Offers:
         if not candidates:
             far_m, hemmed_in = max(NEAR_M, self._far_m), self._is_hemmed_in(pose)
             candidates = self._dared(pose, math.inf if hemmed_in else far_m)
-            candidates = candidates or (self._back_out(pose) if hemmed_in else ())
             candidates = candidates or self._doubted_walls(pose, far_m)
-        candidates = candidates or self._before_the_end(pose)
-        candidates = candidates or self._second_chance(pose)
+            candidates = candidates or self._before_the_end(pose)
+            candidates = candidates or self._second_chance(pose)
+            candidates = candidates or (self._back_out(pose) if hemmed_in else ())
         if not candidates:
             self.gave_up = self._is_kept_from_something(pose)
             candidates = self._close_a_loop(pose)
