@@ -113,6 +113,19 @@ def _copy(segment, to):  # type: ignore[no-untyped-def]
 
 
 @inner_kernel
+def _beside(ax, ay, bx, by, reach):  # type: ignore[no-untyped-def]
+    """Whether a segment lies, by more than rounding can do, beside the square of this half-width about the origin: most
+    do, and it is farther off than that."""
+    far = reach + _HAIR_M
+    return (
+        (ax > far and bx > far)
+        or (ax < -far and bx < -far)
+        or (ay > far and by > far)
+        or (ay < -far and by < -far)
+    )
+
+
+@inner_kernel
 def _cut(x, y, heading, clear, segments, count, margin, beams):  # type: ignore[no-untyped-def]
     n = len(clear)
     lowest = int(math.floor((-math.pi - heading) / (2.0 * math.pi) * n - 0.5 * n)) - 2
@@ -123,6 +136,8 @@ def _cut(x, y, heading, clear, segments, count, margin, beams):  # type: ignore[
     for i in range(count):
         ax, ay = segments[i, 0] - x, segments[i, 1] - y
         bx, by = segments[i, 2] - x, segments[i, 3] - y
+        if _beside(ax, ay, bx, by, reach):
+            continue
         ex, ey = bx - ax, by - ay
         length2 = ex * ex + ey * ey
         if length2 < 1e-12:
@@ -164,6 +179,8 @@ def _in_reach(places, reach, segments):  # type: ignore[no-untyped-def]
         for k in range(len(segments)):
             ax, ay = segments[k, 0] - places[i, 0], segments[k, 1] - places[i, 1]
             ex, ey = segments[k, 2] - segments[k, 0], segments[k, 3] - segments[k, 1]
+            if _beside(ax, ay, ax + ex, ay + ey, reach[i] + 1e-6):
+                continue
             t = min(1.0, max(0.0, -(ax * ex + ay * ey) / max(ex * ex + ey * ey, 1e-12)))
             if math.hypot(ax + t * ex, ay + t * ey) <= reach[i] + 1e-6:
                 out[i] = True
