@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +92,7 @@ class SmoothedSlam(ChainSlam):
         self._points_known = self._smoother.points()
         self._close_loops()
         self._move_everything()
-        return replace(update, pose=self.pose)
+        return ScanUpdate(**{**vars(update), "pose": self.pose})
 
     def _seen(self, update: ScanUpdate) -> list[tuple[int, int]]:
         """(feature, chain) of this scan: the links of the final graph and the new roots."""
