@@ -24,8 +24,8 @@ from sonar_explore.planning.candidates import CandidateFinder
 from sonar_explore.planning.driving import Driver
 from sonar_explore.slam import slam as slam_module
 from sonar_explore.slam.slam import ChainSlam
-from sonar_explore.slam.smoothed import SmoothedSlam
-from sonar_explore.slam.smoothing import Smoother
+from sonar_explore.slam.smoothing.smoothed import SmoothedSlam
+from sonar_explore.slam.smoothing.smoothing import Smoother
 
 PARTS: tuple[tuple[str, Any, str], ...] = (
     ("a decision, or the reset", ExplorationEnv, "_look"),

@@ -1,17 +1,21 @@
-"""SLAM by feature chains and link graphs: section III of the paper, one file for each of its parts."""
+"""SLAM by feature chains and link graphs: section III of the paper, one file for each of its parts.
+
+What goes beyond it stands in folders: `turn/`, what the eight discs agree on; `joint/` and `smoothing/`, the
+estimates behind `chain` and `smoothed`; `baselines/`, what others would pick.
+"""
 
 from __future__ import annotations
 
 from sonar_explore.errors import unknown_name
 from sonar_explore.geometry import Pose
 from sonar_explore.slam.base import ScanEntry, ScanUpdate, ScoredAssociation, Slam, SlamConfig
+from sonar_explore.slam.baselines.grid_pf import GridParticleSlam
+from sonar_explore.slam.baselines.scan_match import ScanMatchSlam
 from sonar_explore.slam.chains import Chain, ChainMap, Link
 from sonar_explore.slam.features import Feature, FeatureKind
-from sonar_explore.slam.grid_pf import GridParticleSlam
-from sonar_explore.slam.joint import JointSlam
-from sonar_explore.slam.scan_match import ScanMatchSlam
+from sonar_explore.slam.joint.joint import JointSlam
 from sonar_explore.slam.slam import ChainSlam, DeadReckoning, KnownPose
-from sonar_explore.slam.smoothed import SmoothedSlam
+from sonar_explore.slam.smoothing.smoothed import SmoothedSlam
 
 __all__ = [
     "SLAMS",

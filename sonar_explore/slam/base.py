@@ -10,24 +10,24 @@ from sonar_explore.checks import check_numbers
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
-from sonar_explore.slam.agreement import AgreementConfig
 from sonar_explore.slam.association import AssociationConfig
+from sonar_explore.slam.baselines.particles import ParticleConfig
+from sonar_explore.slam.baselines.scan_matching import ScanMatchConfig
 from sonar_explore.slam.chains import ChainMap
 from sonar_explore.slam.dual import Merge
 from sonar_explore.slam.features import Feature, FeatureConfig
-from sonar_explore.slam.joint_filter import JointConfig
+from sonar_explore.slam.joint.joint_filter import JointConfig
 from sonar_explore.slam.link_graph import LinkGraphConfig, LinkGraphs
 from sonar_explore.slam.localization import Correction, LocalizationConfig
-from sonar_explore.slam.loop_closing import LoopConfig
 from sonar_explore.slam.odometry_filter import FilterConfig
-from sonar_explore.slam.particles import ParticleConfig
-from sonar_explore.slam.point_matching import MatchingConfig
 from sonar_explore.slam.probability import ProbabilityConfig
 from sonar_explore.slam.reference import ReferenceConfig
 from sonar_explore.slam.residuals import Residuals
-from sonar_explore.slam.scan_matching import ScanMatchConfig
 from sonar_explore.slam.scored import ScoredAssociation, scored
-from sonar_explore.slam.smoothing import SmoothingConfig
+from sonar_explore.slam.smoothing.loop_closing import LoopConfig
+from sonar_explore.slam.smoothing.point_matching import MatchingConfig
+from sonar_explore.slam.smoothing.smoothing import SmoothingConfig
+from sonar_explore.slam.turn.agreement import AgreementConfig
 from sonar_explore.slam.turning import TurningConfig
 
 

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from sonar_explore.compiled import inner_kernel, lean_kernel
 from sonar_explore.geometry import Array, Pose
-from sonar_explore.slam.discs import TurnError
 from sonar_explore.slam.kalman import OWN, SIZE, believed, learned_of_turn, learned_of_walls, spread
 from sonar_explore.slam.motion import own_part
 from sonar_explore.slam.residuals import Residuals
+from sonar_explore.slam.turn.discs import TurnError
 
 SUMS = 6  # where they begin in a belief
 SPREAD_EVERY_M = 0.05  # the covariance is carried along in bits of this length

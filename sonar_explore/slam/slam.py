@@ -14,22 +14,22 @@ from sonar_explore.amigobot import AmigoBot
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
-from sonar_explore.slam.agreement import Extraction, extract
 from sonar_explore.slam.association import Association, associate
 from sonar_explore.slam.base import ScanEntry, ScanUpdate, SlamConfig
 from sonar_explore.slam.chains import ChainMap, Link
-from sonar_explore.slam.discs import TurnError
 from sonar_explore.slam.dual import Merge, merge_dual_associations, surviving
 from sonar_explore.slam.features import Feature, FeatureKind
-from sonar_explore.slam.heard import full_turn
 from sonar_explore.slam.link_graph import LinkGraphs, fit_link_graphs
 from sonar_explore.slam.localization import Correction, localize
 from sonar_explore.slam.odometry_filter import OdometryFilter
-from sonar_explore.slam.points import Point
 from sonar_explore.slam.probability import RootCertainty
 from sonar_explore.slam.reference import reference_line
 from sonar_explore.slam.residuals import Residuals, residuals_to_lines
 from sonar_explore.slam.scored import weighed
+from sonar_explore.slam.turn.agreement import Extraction, extract
+from sonar_explore.slam.turn.discs import TurnError
+from sonar_explore.slam.turn.heard import full_turn
+from sonar_explore.slam.turn.points import Point
 from sonar_explore.slam.turning import follows_the_wall
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from sonar_explore.geometry import Pose, wrap_angle
 from sonar_explore.slam.motion import MotionSum, RandomWalk
-from sonar_explore.slam.sighting import Sighting
-from sonar_explore.slam.smoothing import Smoother, SmoothingConfig
+from sonar_explore.slam.smoothing.smoothing import Smoother, SmoothingConfig
+from sonar_explore.slam.turn.sighting import Sighting
 
 WALK = RandomWalk(math.radians(1.5), math.radians(0.7), 0.03)
 WHEELS = (0.007, math.radians(1.0))

@@ -6,13 +6,13 @@ import math
 import numpy as np
 
 from sonar_explore.geometry import Pose, wrap_angle
-from sonar_explore.slam.agreement import Extraction
-from sonar_explore.slam.columns import told_by_width
-from sonar_explore.slam.discs import TurnError, aside
 from sonar_explore.slam.ends import neighbours
 from sonar_explore.slam.features import Feature, FeatureKind, extract_features, tangent
-from sonar_explore.slam.points import Point
 from sonar_explore.slam.rcd import regions_of_constant_depth
+from sonar_explore.slam.turn.agreement import Extraction
+from sonar_explore.slam.turn.columns import told_by_width
+from sonar_explore.slam.turn.discs import TurnError, aside
+from sonar_explore.slam.turn.points import Point
 
 
 def plain_extraction(scan, config, agreement):

@@ -22,13 +22,13 @@ from sonar_explore.envs.odometry import OdometryNoise
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Array, Pose, wrap_undirected
 from sonar_explore.measurement import Scan
-from sonar_explore.slam.agreement import AgreementConfig, Extraction, extract
 from sonar_explore.slam.features import Feature, FeatureConfig, FeatureKind
 from sonar_explore.slam.motion import Motion, MotionSum, RandomWalk
-from sonar_explore.slam.points import Point
-from sonar_explore.slam.sighting import Sighting
 from sonar_explore.slam.slam import turn_of
-from sonar_explore.slam.smoothing import Smoother, SmoothingConfig
+from sonar_explore.slam.smoothing.smoothing import Smoother, SmoothingConfig
+from sonar_explore.slam.turn.agreement import AgreementConfig, Extraction, extract
+from sonar_explore.slam.turn.points import Point
+from sonar_explore.slam.turn.sighting import Sighting
 from sonar_explore.studies.compare.drives import Drive
 
 TOUCH_M, STRAIGHT_RAD = 0.002, math.radians(0.5)

@@ -1,0 +1,1 @@
+"""`chain`: one estimate of pose, wheels, chains and points, with full covariance."""
