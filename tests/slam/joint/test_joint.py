@@ -39,7 +39,7 @@ def off(drive, poses):
 
 
 def test_round_loops_one_estimate_of_all_is_nearer_to_the_truth(drive):
-    drives = [drive, *(record_drive("paper/loop", seed) for seed in (301, 302))]
+    drives = [drive, *(record_drive("paper/loop", seed=seed) for seed in (301, 302))]
     joint, alone = (
         np.mean([off(one, played(one, config)[1]) for one in drives]) for config in (ROBUST, WITHOUT)
     )
