@@ -14,17 +14,23 @@ from typing import Any
 from sonar_explore.compile_beside import KERNELS, spelled
 
 LEFT_TO_THE_RUN = "sonar_explore.envs.pings."
-DRIVING = "sonar_explore.envs."
-"""Made of the kernels of the pings: left until those are there, so they stand first."""
-PART_OF_THE_LONGEST = "sonar_explore.slam.rcd:regions"
-"""A third of the longest of all, which the run needs soon: the second process begins with it."""
+BEGUN_WITH = (
+    "sonar_explore.slam.rcd:regions",
+    "sonar_explore.slam.joint.joint_steps:",
+    "sonar_explore.slam.kalman:spread",
+    "sonar_explore.envs.",
+)
+"""What the second process compiles first, so what stands last: a third of the longest of all, which the run needs soon;
+steps that are made of the same kernels, which are best compiled by one process; one that takes as long as a leg; and
+the leg, made of the kernels of the pings, which are there by then."""
 
 
 def main() -> None:
     with tempfile.TemporaryDirectory() as cache:
         os.environ["NUMBA_CACHE_DIR"] = cache
         needed = compiled_in_order()
-    names = sorted(needed, key=lambda name: (name == PART_OF_THE_LONGEST, not name.startswith(DRIVING)))
+    first = [name for begin in BEGUN_WITH for name in needed if name.startswith(begin)]
+    names = [name for name in needed if name not in first] + first[::-1]
     KERNELS.write_text(json.dumps({name: needed[name] for name in names}, indent=0) + "\n")
 
 
@@ -40,7 +46,7 @@ def compiled_in_order() -> dict[str, str]:
             function = event.data["dispatcher"].py_func
             name = f"{function.__module__}:{function.__name__}"
             wanted = self.depth == 0 and not name.startswith(LEFT_TO_THE_RUN)
-            if wanted or name == PART_OF_THE_LONGEST:
+            if wanted or name == BEGUN_WITH[0]:
                 self.needed[name] = spelled(event.data["args"])
             self.depth += 1
 
