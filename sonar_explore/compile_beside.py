@@ -2,11 +2,11 @@
 
 With an empty cache most of a run is compilation, which numba does on one core. `kernels.json` names the kernels of
 SLAM, mapping, planning and driving with the types of their arguments, in the order in which a run comes to need them,
-but for a few long ones at its end. The second process begins at the end and leaves what it makes in numba's cache, where
-the run finds it: the two meet somewhere in the middle. What hears is left to the run, which begins with it. Nothing
-depends on the second process: a kernel that it does not know, or knows with other types, is compiled when it is called,
-as it would be without. It is a fork of the run, so that it need not import everything again, and there is none where
-forks are not at home.
+but for a few long ones at its end. The second process begins at the end and leaves what it makes in numba's cache,
+where the run finds it: the two meet somewhere in the middle. What hears is left to the run, which begins with it.
+Nothing depends on the second process: a kernel that it does not know, or knows with other types, is compiled when it
+is called, as it would be without. It is a fork of the run, so that it need not import everything again, and there is
+none where forks are not at home.
 """
 
 from __future__ import annotations
