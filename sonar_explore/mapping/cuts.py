@@ -15,29 +15,6 @@ _HAIR_M = 1e-6  # more than rounding can do to a distance along a ray that all b
 _HAIR_M2 = 1e-9  # nearer than this to the square of a limit the exact distance decides
 
 
-def cut_at_walls(
-    x: float, y: float, heading: float, clear_m: Array, barriers: Array, own: Array, margin_m: float
-) -> Array:
-    """Shorten each direction to the nearest barrier it meets.
-
-    Args:
-        x, y, heading: where the scan was taken, map frame, [m] and [rad].
-        clear_m: how far each of n equal sectors about the robot is clear, shape (n,), [m].
-        barriers, own: segments in the map frame, shape (k, 4), [m].
-        margin_m: how far before a barrier to stop, [m].
-    """
-    return cut_all_at_walls(
-        np.array([0]),
-        np.array([[x, y, heading]]),
-        clear_m[None],
-        barriers,
-        own,
-        np.ones(len(own), dtype=bool),
-        np.array([0, len(own)]),
-        margin_m,
-    )[0]
-
-
 def cut_all_at_walls(
     scans: NDArray[np.int64],
     at: Array,
@@ -48,12 +25,15 @@ def cut_all_at_walls(
     first: NDArray[np.int64],
     margin_m: float,
 ) -> Array:
-    """The same for some of many scans, shape (k, n).
+    """How far each direction of some of many scans is clear, to the nearest barrier that it meets, shape (k, n), [m].
 
     Args:
         scans: which, shape (k,).
-        at, clear_m: x y [m] heading [rad] and directions of all scans, shape (m, 3) and (m, n).
-        own: segments of scan i are `own[first[i]:first[i + 1]]`, those of them that are real, shape (j,).
+        at: x y [m] heading [rad] of all scans, map frame, shape (m, 3).
+        clear_m: how far each of n equal sectors about the robot is clear, shape (m, n), [m].
+        barriers, own: segments in the map frame, shape (b, 4) and (j, 4), [m]; the own ones of scan i are
+            `own[first[i]:first[i + 1]]`, and count where they are `real`, shape (j,).
+        margin_m: how far before a barrier to stop, [m].
     """
     out = clear_m[scans]
     if len(scans):

@@ -138,16 +138,6 @@ class ChainMap:
         return self._owners[: self._size]
 
     @property
-    def chain_ids(self) -> NDArray[np.intp]:
-        """The chain of each row of `segments`, shape (n,)."""
-        return self._owners[: self._size, 0]
-
-    @property
-    def link_indices(self) -> NDArray[np.intp]:
-        """The place of each row of `segments` among its chain's links, shape (n,)."""
-        return self._owners[: self._size, 1]
-
-    @property
     def scan_indices(self) -> NDArray[np.intp]:
         """The scan of each row of `segments`, shape (n,)."""
         return self._owners[: self._size, 2]

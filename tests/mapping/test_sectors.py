@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sonar_explore.geometry import Pose
-from sonar_explore.mapping.cuts import cut_at_walls
+from sonar_explore.mapping.cuts import cut_all_at_walls
 from sonar_explore.mapping.grid import GridFrame
 from sonar_explore.mapping.sectors import Sectors, mark_segments
 
@@ -84,6 +84,14 @@ def test_putting_the_same_again_changes_nothing():
     before = sectors.cleared.copy()
     put_one(sectors, 0, *put)
     assert (sectors.cleared == before).all() and before.max() == 1
+
+
+def cut_at_walls(x, y, heading, clear, walls, own, margin):
+    """Of one scan, whose own walls are all real."""
+    at, real = np.array([[x, y, heading]]), np.ones(len(own), dtype=bool)
+    return cut_all_at_walls(
+        np.array([0]), at, clear[None], walls, own, real, np.array([0, len(own)]), margin
+    )[0]
 
 
 @settings(max_examples=60, deadline=None)

@@ -76,7 +76,7 @@ def test_the_stack_and_the_chains_say_the_same_and_ids_are_never_used_again(acti
             del ids[j % len(ids)]
         poses.pop(step, None)  # what comes after its scan was placed is where it is said to be
     assert [chain.id for chain in chains.chains] == ids
-    rows = zip(chains.segments, chains.chain_ids, chains.link_indices, chains.scan_indices, strict=True)
+    rows = zip(chains.segments, *chains.owners.T, strict=True)
     for k, (segment, chain_id, index, scan) in enumerate(rows):
         found = chains[int(chain_id)].links[index]
         assert (found.scan, chains.row(int(chain_id), index)) == (scan, k)

@@ -49,12 +49,12 @@ def plain(pose, features, chains, config):
     inside &= np.abs(angle) <= config.angle_max_rad
     rows, columns = np.nonzero(inside & same_side if config.facing else inside)
     keys = [np.abs(by[rows, columns]).round(9) for by in (angle, gap, distance)]
-    owners = chains.chain_ids[columns]
+    owners = chains.owners[columns, 0]
     best: dict[tuple[int, int], tuple[int, int]] = {}
     for k in np.lexsort((columns, *keys, owners, rows)):
         best.setdefault((rows[k], owners[k]), (rows[k], columns[k]))
     return tuple(
-        Association(row, chain, chains.link_indices[column], distance[at], gap[at], angle[at])
+        Association(row, chain, chains.owners[column, 1], distance[at], gap[at], angle[at])
         for (row, chain), at in best.items()
         for _, column in [at]
     )

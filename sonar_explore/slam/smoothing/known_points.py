@@ -102,11 +102,11 @@ def _place(rows, heard, values, numbers, places):  # type: ignore[no-untyped-def
     """Number and place of each point; how many."""
     count = 0
     for number in range(len(rows)):
-        if rows[number, 0] == 0:
+        if rows[number, STATE] == NONE:
             continue
-        v = rows[number, 1]
+        v = rows[number, VARIABLE]
         x, y = values[v, 0], values[v, 1]
-        if rows[number, 0] == 1:
+        if rows[number, STATE] == ONCE:
             error = values[0, 0] + values[v, 3]
             angle = values[v, 2] + heard[number, 0] + heard[number, 1] * error
             depth = heard[number, 2] * (1.0 + values[0, 2]) + heard[number, 3]

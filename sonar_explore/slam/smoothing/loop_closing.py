@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.compiled import kernel, lean_kernel
+from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
 from sonar_explore.geometry import Array
+from sonar_explore.slam.smoothing.known_points import FIRST, KIND, LAST
 from sonar_explore.slam.smoothing.relative import pose_covariance
 from sonar_explore.slam.smoothing.smoothing import Smoother
 
@@ -148,8 +149,8 @@ def _may_close(  # type: ignore[no-untyped-def]
     x, y = values[scans[now], 0], values[scans[now], 1]
     n, x0, y0, x1, y1 = 0, np.inf, np.inf, -np.inf, -np.inf
     for k in range(len(numbers)):
-        if rows[numbers[k], 3] > now - late:
-            recent[n, 0], recent[n, 1], kinds[n] = places[k, 0] - x, places[k, 1] - y, rows[numbers[k], 2]
+        if rows[numbers[k], FIRST] > now - late:
+            recent[n, 0], recent[n, 1], kinds[n] = places[k, 0] - x, places[k, 1] - y, rows[numbers[k], KIND]
             x0, y0, x1, y1 = (
                 min(x0, places[k, 0]),
                 min(y0, places[k, 1]),
@@ -160,26 +161,15 @@ def _may_close(  # type: ignore[no-untyped-def]
     if n < least:
         return False
     x0, y0, x1, y1 = x0 - gates[0], y0 - gates[0], x1 + gates[0], y1 + gates[0]
-    m = 0
-    for k in range(len(numbers)):
-        heard = rows[numbers[k], 4]
-        if heard > now - late or not (x0 <= places[k, 0] <= x1 and y0 <= places[k, 1] <= y1):
-            continue
-        at = m
-        while at > 0 and rows[numbers[which[at - 1]], 4] > heard:
-            which[at] = which[at - 1]
-            at -= 1
-        which[at] = k
-        m += 1
+    m = _long_ago(numbers, places, rows, now - late, (x0, y0, x1, y1), which)
     begin, prior = 0, np.empty((1, 3, 3))
     for end in range(1, m + 1):
-        if end < m and rows[numbers[which[end]], 4] - rows[numbers[which[end - 1]], 4] <= late:
+        if end < m and rows[numbers[which[end]], LAST] - rows[numbers[which[end - 1]], LAST] <= late:
             continue
         size = end - begin
         if size >= least:
-            middle = (
-                rows[numbers[which[begin + (size - 1) // 2]], 4] + rows[numbers[which[begin + size // 2]], 4]
-            )
+            middle = rows[numbers[which[begin + (size - 1) // 2]], LAST]
+            middle += rows[numbers[which[begin + size // 2]], LAST]
             prior[:] = 0.0
             if last >= 0:
                 pose_covariance(
@@ -190,12 +180,30 @@ def _may_close(  # type: ignore[no-untyped-def]
                 k = which[begin + j]
                 old[j, 0], old[j, 1] = places[k, 0] - x, places[k, 1] - y
                 for i in range(n):
-                    near[i, j] = kinds[i] == rows[numbers[k], 2]
+                    near[i, j] = kinds[i] == rows[numbers[k], KIND]
             _gate(recent[:n], old[:size], prior[0], gates[1], gates[2], gates[0], near)
             if _several(near, least):
                 return True
         begin = end
     return False
+
+
+@inner_kernel
+def _long_ago(numbers, places, rows, before, box, which):  # type: ignore[no-untyped-def]
+    """Which points in a box none heard after this scan, into `which`, in the order of who heard them last: how many."""
+    m = 0
+    for k in range(len(numbers)):
+        heard = rows[numbers[k], LAST]
+        inside = box[0] <= places[k, 0] <= box[2] and box[1] <= places[k, 1] <= box[3]
+        if heard > before or not inside:
+            continue
+        at = m
+        while at > 0 and rows[numbers[which[at - 1]], LAST] > heard:
+            which[at] = which[at - 1]
+            at -= 1
+        which[at] = k
+        m += 1
+    return m
 
 
 @lean_kernel

@@ -8,6 +8,7 @@ import numpy as np
 
 from sonar_explore.compiled import kernel
 from sonar_explore.slam.smoothing.cholesky import covariances
+from sonar_explore.slam.smoothing.known_points import BOUND, STATE, VARIABLE
 
 
 @kernel
@@ -89,7 +90,7 @@ def near_points(  # type: ignore[no-untyped-def]
     where, variance = np.empty((count, 2)), np.zeros(count)
     for k in range(count):
         row = rows[numbers[out[k]]]
-        variables[k], bound[k] = row[1], row[0] == 2
+        variables[k], bound[k] = row[VARIABLE], row[STATE] == BOUND
         where[k, 0], where[k, 1] = places[out[k], 0], places[out[k], 1]
     if last < 0:
         return variance

@@ -29,11 +29,10 @@ from sonar_explore.slam.smoothing.descent import descended
 from sonar_explore.slam.smoothing.elimination import Elimination, Tree
 from sonar_explore.slam.smoothing.factor_graph import CONSTANTS, FactorGraph, FactorKind
 from sonar_explore.slam.smoothing.jacobian import linearised
-from sonar_explore.slam.smoothing.known_points import BOUND, NONE, ONCE, STATE, VARIABLE, KnownPoints
+from sonar_explore.slam.smoothing.known_points import NONE, ONCE, KnownPoints
 from sonar_explore.slam.smoothing.relative import (
     line_covariances,
     near_points,
-    point_covariances,
     pose_covariance,
 )
 from sonar_explore.slam.turn.discs import TurnError
@@ -325,28 +324,10 @@ class Smoother:
     ) -> tuple[NDArray[np.int64], Array]:
         """Which of the points, as numbers and places, are in reach of any of these places, shape (n, 2), [m], and how
         unsure each is, seen from the last scan: variance in any direction, [m2], shape (k,)."""
-        numbers, places = known
-        rows, last = np.empty(len(numbers), dtype=np.int64), self._last_solved
-        values, tree = self._graph.values, self._elimination.tree
-        found: Array = near_points(
-            here, reach_m, numbers, places, self.known_points.rows, last, values, *tree, rows
-        )
+        rows = np.empty(len(known[0]), dtype=np.int64)
+        _, *solution = self.solved
+        found: Array = near_points(here, reach_m, *known, self.known_points.rows, *solution, rows)
         return rows[: len(found)], found
-
-    def spread(self, numbers: NDArray[np.int64], at: Array) -> Array:
-        """How unsure these points are, seen from the last scan: covariance of x y, shape (n, 2, 2), map frame, [m2].
-
-        Args:
-            numbers: of the points, all of them known when it was last solved, shape (n,).
-            at: where they are, shape (n, 2), map frame, [m].
-        """
-        out = np.zeros((len(numbers), 2, 2))
-        if self._solved:
-            rows = self.known_points.rows[numbers]
-            variables, bound = np.ascontiguousarray(rows[:, VARIABLE]), rows[:, STATE] == BOUND
-            values, tree = self._graph.values, self._elimination.tree
-            point_covariances(variables, bound, at, self._last_solved, values, *tree, out)
-        return out
 
     def _direction(self, sighting: Sighting) -> float:
         """Of the normal or of the point, map frame, [rad]."""

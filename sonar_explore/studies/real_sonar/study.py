@@ -59,8 +59,6 @@ class PoseErrors:
     slam: str
     position_m: Array
     """Mean over the scans, of each seed."""
-    final_m: Array
-    """At the last scan, of each seed."""
     heading_deg: Array
     """Mean over the scans, of each seed."""
 
@@ -172,6 +170,6 @@ def _errors(scans: ScanSet, noise: str, slam: str, seeds: int) -> PoseErrors:
     for seed in range(seeds):
         errors = replay(with_odometry(scans.log, noise, seed), slam).errors
         assert errors is not None
-        found.append((errors[1:, 0].mean(), errors[-1, 0], math.degrees(errors[1:, 1].mean())))
-    position, final, heading = np.array(found).T
-    return PoseErrors(scans.name, noise, slam, position, final, heading)
+        found.append((errors[1:, 0].mean(), math.degrees(errors[1:, 1].mean())))
+    position, heading = np.array(found).T
+    return PoseErrors(scans.name, noise, slam, position, heading)

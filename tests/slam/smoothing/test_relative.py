@@ -9,12 +9,22 @@ import pytest
 from a_room import START, WHEELS, all_pillars_heard, loop, noisy, pillars_seen, sightings, smoother
 
 from sonar_explore.geometry import Pose, wrap_angle
+from sonar_explore.slam.smoothing.known_points import BOUND, STATE, VARIABLE
+from sonar_explore.slam.smoothing.relative import point_covariances
 from sonar_explore.slam.smoothing.smoothing import Smoother, SmoothingConfig
 from sonar_explore.slam.turn.sighting import Sighting
 
 
 def covariance(out, chain, at, normal):
     return out.covariances([chain], at, normal[None])[0]
+
+
+def spread(out, numbers, at):
+    """Covariance of x y of points, seen from the last scan, shape (n, 2, 2)."""
+    rows, found = out.known_points.rows[numbers], np.zeros((len(numbers), 2, 2))
+    variables, bound = np.ascontiguousarray(rows[:, VARIABLE]), rows[:, STATE] == BOUND
+    point_covariances(*[variables, bound, at, *out.solved[1:], found])
+    return found
 
 
 @pytest.mark.parametrize("number", [10, 99])
@@ -39,7 +49,7 @@ def test_the_spread_of_a_point_is_that_of_what_many_noisy_drives_say(number):
         numbers, places = out.points()
         place, last = places[numbers == number], Pose(*map(float, out.poses[-1]))
         off.append(last.inverse().transform(place)[0])
-        said.append(out.spread(np.array([number]), place)[0])
+        said.append(spread(out, np.array([number]), place)[0])
     last = poses[-1]
     c, s = math.cos(last.heading), math.sin(last.heading)
     turn = np.array([[c, -s], [s, c]])
@@ -57,8 +67,8 @@ def test_points_in_reach_are_found_with_how_unsure_they_are_and_no_others():
         rows, variance = out.near(np.array(here), 1.1, (numbers, places))
         away = np.hypot(*(places[:, None] - np.array(here)[None]).transpose(2, 0, 1)).min(axis=1)
         assert rows.tolist() == np.flatnonzero(away <= 1.1).tolist()
-        spread = out.spread(numbers[rows], places[rows])
-        np.testing.assert_allclose(variance, 0.5 * np.trace(spread, axis1=1, axis2=2))
+        unsure = spread(out, numbers[rows], places[rows])
+        np.testing.assert_allclose(variance, 0.5 * np.trace(unsure, axis1=1, axis2=2))
     assert numbers.tolist() == [10, 11, 12, 13, 99]
 
 
