@@ -324,9 +324,9 @@ class Smoother:
     ) -> tuple[NDArray[np.int64], Array]:
         """Which of the points, as numbers and places, are in reach of any of these places, shape (n, 2), [m], and how
         unsure each is, seen from the last scan: variance in any direction, [m2], shape (k,)."""
-        rows = np.empty(len(known[0]), dtype=np.int64)
-        _, *solution = self.solved
-        found: Array = near_points(here, reach_m, *known, self.known_points.rows, *solution, rows)
+        (numbers, places), solution = known, self.solved[1:]
+        rows = np.empty(len(numbers), dtype=np.int64)
+        found: Array = near_points(here, reach_m, numbers, places, self.known_points.rows, *solution, rows)
         return rows[: len(found)], found
 
     def _direction(self, sighting: Sighting) -> float:
