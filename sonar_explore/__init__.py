@@ -11,4 +11,8 @@ register(
     entry_point="sonar_explore.envs.amigobot_env:AmigoBotEnv",
     max_episode_steps=5000,
 )
-register("sonar_explore/Exploration-v0", entry_point="sonar_explore.envs.exploration_env:ExplorationEnv")
+register(
+    "sonar_explore/Exploration-v0",
+    entry_point="sonar_explore.envs.exploration_env:ExplorationEnv",
+    vector_entry_point="sonar_explore.envs.vector:exploration",
+)
