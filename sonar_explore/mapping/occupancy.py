@@ -69,8 +69,8 @@ class OccupancyGrid:
     def known_spans(self) -> tuple[tuple[int, int], tuple[int, int]]:
         """First row and row after the last, first column and column after the last, of what is known."""
         spans = []
-        for known in (self.states.any(axis=1), self.states.any(axis=0)):
-            at = np.flatnonzero(known)
+        for axis in (1, 0):
+            at = np.flatnonzero(np.bitwise_or.reduce(self.states, axis=axis))
             spans.append((int(at[0]), int(at[-1]) + 1) if len(at) else (0, 0))
         return spans[0], spans[1]
 
@@ -180,8 +180,8 @@ class OccupancyMapper:
             *(seen.continuations.all, real, seen.walls.first, cfg.wall_margin_m),
         )
         drawn.sectors.put(again, at[again], clear_m, seen.core_m.all[again])
-        for i in sorted({*moved, *range(last_trail, len(poses))}):
-            drawn.sectors.trail(i, seen.poses[i], trails[i], self._body)
+        since_moved = sorted({*moved, *range(last_trail, len(poses))})
+        drawn.sectors.trails(since_moved, seen.poses, trails, self._body)
         evidence = self._evidence_of(frame, found, doubtful)
         states = drawn.sectors.states(*evidence, cfg.core_weight, cfg.body_weight)
         return OccupancyGrid(frame, states, drawn.kept)

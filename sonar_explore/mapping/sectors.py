@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
 from sonar_explore.geometry import Array, Pose
-from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States
+from sonar_explore.mapping.grid import FREE, OCCUPIED, UNKNOWN, GridFrame, Mask, States
 
 Counts = NDArray[np.int32]
 _HAIR_M2 = 1e-9  # nearer than this to the square of a limit the exact distance decides
+_SECTOR, _CLEARED, _CORE = (
+    0x3FFF,
+    14,
+    15,
+)  # of what is kept of a cell: its sector, and the bits of what counts it
 _RIM = 0.01  # nearer than this share of a sector of 1 degree to its rim the exact angle decides
 
 
 class Sectors:
     """How many scans have cleared each cell, and where the body has been.
 
-    Each scan keeps the sector of every cell near it: where it is cut anew, only cells of changed sectors are looked at.
+    Each scan keeps the sector of every cell near it, and whether it clears it: where it is cut anew, only cells of
+    changed sectors are looked at.
     """
 
     def __init__(self) -> None:
@@ -38,7 +45,8 @@ class Sectors:
         self._windows: NDArray[np.int64] = np.zeros((0, 4), dtype=np.int64)
         """First row and column of its window on the grid, rows and columns."""
         self._sectors: NDArray[np.uint16] = np.zeros((0, 0, 0), dtype=np.uint16)
-        """The sector of each cell of its window, n beyond its reach, shape (scans, rows, columns)."""
+        """The sector of each cell of its window, n beyond its reach, and whether it is cleared by the scan, by any
+        reading and for certain, shape (scans, rows, columns)."""
 
     def resize(self, frame: GridFrame) -> None:
         """Go over to a grown frame; counts keep their places."""
@@ -89,20 +97,29 @@ class Sectors:
         clear_m[:known] = self._clear_m[:known] if known else -1.0
         self._clear_m = clear_m
 
-    def trail(self, index: int, pose: Pose, points: Array, radius_m: float) -> None:
-        """Where the body has been since a scan, shape (n, 2), in that scan's frame, [m]; `points` only ever grow."""
-        if index == len(self._trails):
-            self._trails.append((pose, np.zeros((0, 2))))
-        before, covered = self._trails[index]
-        stands = before is pose or before == pose
-        if stands and len(points) == len(covered):
-            return
-        if not stands:
-            self._cover(covered, radius_m, -1)
-            covered = covered[:0]
-        more = pose.transform(points[len(covered) :])
-        self._cover(more, radius_m, 1)
-        self._trails[index] = (pose, np.vstack([covered, more]))
+    def trails(
+        self, scans: Sequence[int], poses: Sequence[Pose], trails: Sequence[Array], radius_m: float
+    ) -> None:
+        """Where the body has been since some of all scans, shape (n, 2) each, in that scan's frame, [m]; they only ever
+        grow. New scans come in order."""
+        left: list[Array] = [np.zeros((0, 2))]
+        entered: list[Array] = [np.zeros((0, 2))]
+        for i in scans:
+            pose, points = poses[i], trails[i]
+            if i == len(self._trails):
+                self._trails.append((pose, left[0]))
+            before, covered = self._trails[i]
+            stands = before is pose or before == pose
+            if stands and len(points) == len(covered):
+                continue
+            if not stands:
+                left.append(covered)
+                covered = covered[:0]
+            more = pose.transform(points[len(covered) :])
+            entered.append(more)
+            self._trails[i] = (pose, np.concatenate([covered, more]) if len(covered) else more)
+        self._cover(np.concatenate(left), radius_m, -1)
+        self._cover(np.concatenate(entered), radius_m, 1)
 
     def states(self, walls: Array, gaps: Array, core_weight: float, body_weight: float) -> States:
         """Occupied where there is more evidence of a wall, or of a gap that is none, than against it; free where
@@ -138,17 +155,17 @@ def mark_points(frame: GridFrame, evidence: Array, points: Array, weight: float,
 
 @kernel
 def _decide(walls, gaps, cleared, core, body, core_weight, body_weight, states):  # type: ignore[no-untyped-def]
+    """No branches: several cells at a time."""
     rows, columns = states.shape
     for row in range(rows):
         for column in range(columns):
             been = body[row, column] > 0
-            against = core_weight * core[row, column]
-            if been:
-                against += body_weight
-            if max(walls[row, column], gaps[row, column]) > max(0.0, against):
-                states[row, column] = OCCUPIED
-            elif been or cleared[row, column] > 0 or core[row, column] > 0:
-                states[row, column] = FREE
+            sure, wall, gap = core[row, column], walls[row, column], gaps[row, column]
+            against = core_weight * sure + (body_weight if been else 0.0)
+            against = against if against > 0.0 else 0.0
+            known = been | (cleared[row, column] > 0) | (sure > 0)
+            shut = (wall if wall > gap else gap) > against
+            states[row, column] = OCCUPIED if shut else (FREE if known else UNKNOWN)
 
 
 @kernel
@@ -189,9 +206,9 @@ def _put(scans, poses, after, frame, cleared, core, places, clear, windows, sect
     Where a scan stands as it did and its window reaches far enough, only cells of changed sectors are looked at.
     """
     n = after.shape[2]
-    changed, squares, nothing = np.empty(n + 1, dtype=np.bool_), np.empty((4, n)), np.empty((2, n))
-    for b in range(n):
-        nothing[0, b], nothing[1, b] = -1.0, -1.0
+    side = sectors.shape[1]
+    changed, squares, turns = np.empty(n + 1, dtype=np.bool_), np.empty((2, n)), np.empty(side)
+    unsure = np.empty((side * side, 2), dtype=np.int64)
     for i in range(len(scans)):
         k, farthest = scans[i], 0.0
         for b in range(n):
@@ -199,18 +216,33 @@ def _put(scans, poses, after, frame, cleared, core, places, clear, windows, sect
         place, window = places[k], windows[k]
         stands = place[0] == poses[i, 0] and place[1] == poses[i, 1] and place[2] == poses[i, 2]
         if not stands or farthest > place[3]:
-            _change(cleared, core, frame, place, window, sectors[k], clear[k], nothing, changed, squares)
+            _take_back(cleared, core, window, sectors[k])
+            for b in range(n):
+                clear[k, 0, b], clear[k, 1, b] = -1.0, -1.0
             place[0], place[1], place[2], place[3] = poses[i, 0], poses[i, 1], poses[i, 2], farthest
-            _sectors_of_cells(cleared.shape[0], cleared.shape[1], frame, place, n, window, sectors[k])
+            _sectors_of_cells(
+                cleared.shape[0], cleared.shape[1], frame, place, n, window, turns, unsure, sectors[k]
+            )
         _change(cleared, core, frame, place, window, sectors[k], clear[k], after[i], changed, squares)
 
 
 @inner_kernel
-def _sectors_of_cells(rows, columns, frame, place, n, window, sectors):  # type: ignore[no-untyped-def]
+def _take_back(cleared, core, window, sectors):  # type: ignore[no-untyped-def]
+    """Count no more what was counted."""
+    for r in range(window[2]):
+        row, column = window[0] + r, window[1]
+        for c in range(window[3]):
+            cleared[row, column + c] -= (sectors[r, c] >> _CLEARED) & 1
+            core[row, column + c] -= sectors[r, c] >> _CORE
+
+
+@inner_kernel
+def _sectors_of_cells(rows, columns, frame, place, n, window, turns, unsure, sectors):  # type: ignore[no-untyped-def]
     """Which of n sectors about a place each cell near it lies in, n beyond its reach, and which window of the grid that
     is.
 
-    Most cells get their sector from an approximate angle; near the rim of a sector `atan2` decides.
+    Most cells get their sector from an approximate angle, those of a row in a loop without branches; near the rim of a
+    sector `atan2` decides. `turns` is for the angles of a row, `unsure` for rows and columns of cells.
     """
     x0, y0, resolution = frame
     x, y, heading, reach = place[0], place[1], place[2], place[3]
@@ -223,55 +255,58 @@ def _sectors_of_cells(rows, columns, frame, place, n, window, sectors):  # type:
     c0 = max(0, int(math.floor((x - reach - x0) / resolution)))
     c1 = min(columns - 1, int(math.floor((x + reach - x0) / resolution)))
     window[0], window[1], window[2], window[3] = r0, c0, r1 - r0 + 1, c1 - c0 + 1
-    for row in range(r0, r1 + 1):
-        dy = y0 + (row + 0.5) * resolution - y
-        for column in range(c0, c1 + 1):
-            sectors[row - r0, column - c0] = n
-            dx = x0 + (column + 0.5) * resolution - x
-            square = dx * dx + dy * dy
-            if square > farthest:
-                continue
+    waiting = 0
+    for r in range(r1 - r0 + 1):
+        dy = y0 + (r0 + r + 0.5) * resolution - y
+        for c in range(c1 - c0 + 1):
+            dx = x0 + (c0 + c + 0.5) * resolution - x
             u = _nearly_atan2(dy, dx) * per_rad - ahead
-            if u < 0.0:
-                u += n
-            if u < 0.0:
-                u += n
-            b = int(u)
-            if u - b < _RIM or u - b > 1.0 - _RIM or square < _HAIR_M2:
-                b = int(math.floor((math.atan2(dy, dx) - heading) / (2.0 * math.pi) * n)) % n
-            sectors[row - r0, column - c0] = b
+            u += n if u < 0.0 else 0.0
+            u += n if u < 0.0 else 0.0
+            square = dx * dx + dy * dy
+            u = u if square >= _HAIR_M2 else 0.0
+            turns[c] = u if square <= farthest else -1.0
+        for c in range(c1 - c0 + 1):
+            u = turns[c]
+            b = n if u < 0.0 else int(u)
+            if u >= n or (u >= 0.0 and (u - b < _RIM or u - b > 1.0 - _RIM)):
+                unsure[waiting, 0], unsure[waiting, 1] = r, c
+                waiting += 1
+            sectors[r, c] = b
+    for k in range(waiting):  # not in the loop above: compiled, that would ask for `atan2` of every cell
+        r, c = unsure[k, 0], unsure[k, 1]
+        dx, dy = x0 + (c0 + c + 0.5) * resolution - x, y0 + (r0 + r + 0.5) * resolution - y
+        sectors[r, c] = int(math.floor((math.atan2(dy, dx) - heading) / (2.0 * math.pi) * n)) % n
 
 
 @inner_kernel
 def _change(cleared, core, frame, place, window, sectors, before, after, changed, squares):  # type: ignore[no-untyped-def]
-    """Count cells whose middle lies within `after` of their sector, less those within `before`, shape (2, n) both;
-    `before` becomes `after`."""
+    """Count cells whose middle lies within `after` of their sector, shape (2, n), less those that are counted already,
+    within `before`; `before` becomes `after`."""
     x0, y0, resolution = frame
     n = before.shape[1]
     changed[n] = False
     for b in range(n):
         changed[b] = before[0, b] != after[0, b] or before[1, b] != after[1, b]
         for layer in range(2):
-            low, high = before[layer, b], after[layer, b]
-            squares[2 * layer, b], squares[2 * layer + 1, b] = low * abs(low), high * abs(high)
+            limit = before[layer, b] = after[layer, b]
+            squares[layer, b] = limit * abs(limit)
     for r in range(window[2]):
         row = window[0] + r
         dy = y0 + (row + 0.5) * resolution - place[1]
         for c in range(window[3]):
-            b = sectors[r, c]
+            kept = np.int64(sectors[r, c])
+            b = kept & _SECTOR
             if not changed[b]:
                 continue
             column = window[1] + c
             dx = x0 + (column + 0.5) * resolution - place[0]
             square = dx * dx + dy * dy
-            cleared[row, column] += _within(dx, dy, square, after[0, b], squares[1, b]) - _within(
-                dx, dy, square, before[0, b], squares[0, b]
-            )
-            core[row, column] += _within(dx, dy, square, after[1, b], squares[3, b]) - _within(
-                dx, dy, square, before[1, b], squares[2, b]
-            )
-    for b in range(n):
-        before[0, b], before[1, b] = after[0, b], after[1, b]
+            clears = _within(dx, dy, square, after[0, b], squares[0, b])
+            sure = _within(dx, dy, square, after[1, b], squares[1, b])
+            cleared[row, column] += clears - ((kept >> _CLEARED) & 1)
+            core[row, column] += sure - (kept >> _CORE)
+            sectors[r, c] = b | clears << _CLEARED | sure << _CORE
 
 
 @inner_kernel
@@ -286,7 +321,8 @@ def _within(dx, dy, square, limit, limit_square):  # type: ignore[no-untyped-def
 def _nearly_atan2(y, x):  # type: ignore[no-untyped-def]
     """atan2 to 2e-5 rad; its sign and quadrant are exact."""
     ax, ay = abs(x), abs(y)
-    t = min(ax, ay) / max(ax, ay, 1e-300)
+    longer, shorter = (ax, ay) if ax > ay else (ay, ax)
+    t = shorter / (longer + 1e-300)
     q = t * t
     # least maximum error on [0, 1], degree 11
     a = t * (
@@ -313,5 +349,5 @@ def _cover(counts, x0, y0, resolution, points, radius, count):  # type: ignore[n
         for row in range(r0, r1 + 1):
             dy = y0 + (row + 0.5) * resolution - y
             for column in range(c0, c1 + 1):
-                if math.hypot(x0 + (column + 0.5) * resolution - x, dy) <= radius:
-                    counts[row, column] += count
+                dx = x0 + (column + 0.5) * resolution - x
+                counts[row, column] += count * _within(dx, dy, dx * dx + dy * dy, radius, radius * radius)

@@ -43,19 +43,17 @@ def test_putting_replacing_and_growing_gives_what_a_fresh_draw_gives(seed):
         frame = covering(frame, put[0])
         sectors.resize(frame)
         put_one(sectors, index, *put)
-    trails = rng.uniform(-0.4, 0.4, (3, 8, 2))
+    trails = list(rng.uniform(-0.4, 0.4, (3, 8, 2)))
     for k in range(9):  # the poses of the first scans are believed anew each time
         seats = [Pose(*rng.uniform(-0.2, 0.2, 3)), held[0][0], held[0][0]]
-        for i, pose in enumerate(seats):
-            sectors.trail(i, pose, trails[i, :k], 0.18)
+        sectors.trails(range(3), seats, [way[:k] for way in trails], 0.18)
     fresh = Sectors()
     fresh.resize(frame)
     for i, put in enumerate(held):
         put_one(fresh, i, *put)
     assert (sectors.cleared == fresh.cleared).all() and sectors.cleared.any()
     assert (sectors.core == fresh.core).all()
-    for i, pose in enumerate(seats):
-        fresh.trail(i, pose, trails[i], 0.18)
+    fresh.trails(range(3), seats, trails, 0.18)
     nothing = np.zeros(frame.shape)
     body = [s.states(nothing, nothing, 1.0, 1.0) for s in (sectors, fresh)]
     assert (body[0] == body[1]).all() and body[0].any()
