@@ -18,6 +18,11 @@ def changed_spans(before: NDArray[np.generic], after: NDArray[np.generic], withi
     return np.asarray(_changed_spans(before, after, within))
 
 
+def whole_spans(shape: tuple[int, ...]) -> Spans:
+    """All of every row."""
+    return np.tile([0, shape[1] - 1], (shape[0], 1))
+
+
 def box_of(spans: Spans) -> tuple[slice, slice] | None:
     """The rows and columns that hold all spans; None where there are none."""
     rows = np.flatnonzero(spans[:, 0] <= spans[:, 1])

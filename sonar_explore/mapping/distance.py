@@ -12,7 +12,7 @@ import numpy as np
 
 from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array
-from sonar_explore.mapping.changes import Spans
+from sonar_explore.mapping.changes import Spans, whole_spans
 from sonar_explore.mapping.grid import Mask
 
 _NONE = 2**31 - 1  # the square of the distance where there is none
@@ -52,7 +52,7 @@ class Distances:
             self._down, self._squares = np.empty((2, *to.shape), dtype=np.int32)
             self._distances = np.empty(to.shape)
             _distances(to, self._down, self._squares, self._less, self._cell_m, self._distances)
-            spans = _whole(to.shape)
+            spans = whole_spans(to.shape)
         else:
             spans = np.empty((len(to), 2), dtype=np.int64)
             _renew(self._to, to, self._down, self._squares, self._less, self._cell_m, self._distances, spans)
@@ -63,7 +63,7 @@ class Distances:
 
     def watch(self) -> Watch:
         """Tells from now on where they have changed; at first, everywhere."""
-        self._watches.append(Watch(_whole(self._to.shape)))
+        self._watches.append(Watch(whole_spans(self._to.shape)))
         return self._watches[-1]
 
 
@@ -85,10 +85,6 @@ class Watch:
         spans, self._spans = self._spans, np.empty_like(self._spans)
         self._spans[:] = 2**31, -1
         return spans
-
-
-def _whole(shape: tuple[int, ...]) -> Spans:
-    return np.tile([0, shape[1] - 1], (shape[0], 1))
 
 
 @kernel

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sonar_explore.compiled import inner_kernel, kernel
-from sonar_explore.mapping.changes import changed_spans
+from sonar_explore.mapping.changes import changed_spans, whole_spans
 from sonar_explore.mapping.grid import FREE, UNKNOWN, Cells, Mask, States
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.mapping.regions import labelled
@@ -68,7 +68,7 @@ class _Edge:
     def of(self, grid: OccupancyGrid) -> Cells:
         states, to_walls = grid.states, grid.to_walls_m
         if states.shape != self._states.shape:
-            spans = np.tile([0, states.shape[1] - 1], (len(states), 1))
+            spans = whole_spans(states.shape)
             self._edge = np.zeros(states.shape, dtype=bool)
         else:  # a wall shuts cells as far away as the body reaches, and their neighbours are no edge then
             felt = 2 + math.ceil(self._body / grid.frame.resolution_m)
