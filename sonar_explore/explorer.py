@@ -217,9 +217,10 @@ class Explorer:
         return here
 
     def _note(self, poses: Array) -> None:
-        for here in spaced(poses, self._leg_trail[-1] if self._leg_trail else None, 0.05):
-            self._leg_trail.append(here)
-            self._surroundings.add_body(here)
+        passed = spaced(poses, self._leg_trail[-1] if self._leg_trail else None, 0.05)
+        self._leg_trail += passed
+        if passed:
+            self._surroundings.add_body(passed)
 
     def _remember_shut(self, report: DriveReport) -> None:
         self._surroundings.add_obstacle(self.pose(), report.obstacle)

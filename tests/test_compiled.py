@@ -35,12 +35,12 @@ import numpy as np
 from sonar_explore import compile_beside
 from sonar_explore.planning.candidates import _apart, _none_near
 compile_beside.KERNELS, compile_beside.usable_cores = Path(sys.argv[1]), lambda: 2
-places, one = np.zeros((2, 2)), np.zeros(1, int)
+places = np.zeros((2, 2))
 with compile_beside.compiling_beside() as beside:
     _apart(places, 1.0)
     beside.process.join(60)
     assert not beside.process.is_alive()
-_none_near(places, places, one, one, 1.0)
+_none_near(places, places, 1.0)
 print(sum(_apart.stats.cache_hits.values()), sum(_none_near.stats.cache_hits.values()))
 """
 

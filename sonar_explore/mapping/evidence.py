@@ -43,6 +43,10 @@ class Rows:
             self._first[scan + 1 :] += more
         self._held[self._first[scan] : self._first[scan + 1]] = rows
 
+    def replace(self, scan: int, rows: Array | tuple[float, ...]) -> None:
+        """As many instead of those of before."""
+        self._held[self._first[scan] : self._first[scan + 1]] = rows
+
     def _make_room(self, more: int) -> None:
         """For one scan, and for so many rows."""
         if self._scans + 2 > len(self._first):
@@ -72,6 +76,7 @@ class Evidence:
         self.clear_m, self.core_m, self.reach_m = Rows(BINS), Rows(BINS), Rows(1)
         """As `Look` has them."""
         self.walls, self.continuations, self.passed, self.points = Rows(4), Rows(4), Rows(4), Rows(2)
+        self._kinds = self.walls, self.continuations, self.passed, self.points
 
     def place(self, poses: Sequence[Pose], looks: Sequence[Look]) -> None:
         """Place what scans say that are new or stand elsewhere now."""
@@ -81,11 +86,12 @@ class Evidence:
                 self._put(i, pose, look)
 
     def _put(self, scan: int, pose: Pose, look: Look) -> None:
+        if scan < len(self.poses) and look is self._looks[scan]:
+            self._move(scan, pose)
+            return
         self.believed_at.put(scan, np.array([[pose.x, pose.y]]))
         self._believed[scan : scan + 1] = [pose]
         if scan < len(self.poses) and self._is_still(self.poses[scan], pose):
-            if look is self._looks[scan]:
-                return
             pose = self.poses[scan]
         self.poses[scan : scan + 1] = [pose]
         self._looks[scan : scan + 1] = [look]
@@ -94,16 +100,25 @@ class Evidence:
         self.core_m.put(scan, look.core_m[None])
         self.reach_m.put(scan, np.array([[look.reach_m]]))
         placed, begin = pose.transform(look.outline), 0
-        kinds = (
-            (self.walls, look.walls),
-            (self.continuations, look.continuations),
-            (self.passed, look.passed),
-            (self.points, look.points),
-        )
-        for rows, own in kinds:
+        for rows, own in zip(self._kinds, look.kinds, strict=True):
             end = begin + own.size // 2
             rows.put(scan, placed[begin:end].reshape(own.shape))
             begin = end
+
+    def _move(self, scan: int, pose: Pose) -> None:
+        """The scan says what it said, from elsewhere."""
+        self.believed_at.replace(scan, (pose.x, pose.y))
+        self._believed[scan] = pose
+        if self._is_still(self.poses[scan], pose):
+            return
+        self.poses[scan], look = pose, self._looks[scan]
+        self.at.replace(scan, pose.as_row())
+        placed, begin = pose.transform(look.outline), 0
+        for rows, own in zip(self._kinds, look.kinds, strict=True):
+            if len(own):
+                end = begin + own.size // 2
+                rows.replace(scan, placed[begin:end].reshape(own.shape))
+                begin = end
 
     def _is_still(self, placed: Pose, pose: Pose) -> bool:
         turned_m = abs(wrap_angle(pose.heading - placed.heading)) * self._lever_m

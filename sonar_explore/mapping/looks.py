@@ -83,11 +83,15 @@ class Look:
         """How far the clearest bin may be cleared, [m]."""
         return float(self.clear_m.max())
 
+    @property
+    def kinds(self) -> tuple[Array, Array, Array, Array]:
+        """Walls, continuations, pieces passed and points."""
+        return self.walls, self.continuations, self.passed, self.points
+
     @cached_property
     def outline(self) -> Array:
         """Ends of walls, continuations and pieces passed, and points, one after the other, shape (n, 2), [m]."""
-        segments = self.walls, self.continuations, self.passed
-        return np.concatenate([*(part.reshape(-1, 2) for part in segments), self.points])
+        return np.concatenate([part.reshape(-1, 2) for part in self.kinds])
 
 
 def look_of(scan: Scan, features: Sequence[Feature], config: MappingConfig) -> Look:

@@ -39,15 +39,9 @@ def continued(walls: Array, points: Array, beside_m: float, reach_m: float) -> A
     first, last = (np.searchsorted(points[:, 0], lines[:, 0] + off) for off in (-around, around))
     around += lines[:, 4].max() + reach_m
     first_wall, last_wall = (np.searchsorted(lines[:, 0], lines[:, 0] + off) for off in (-around, around))
-    open_m, goes_m = np.zeros((len(lines), 2)), np.zeros((len(lines), 2))
+    open_m, pieces = np.zeros((len(lines), 2)), np.empty((2 * len(lines), 4))
     _open_ends(lines, points, first, last, first_wall, last_wall, beside_m, reach_m, open_m)
-    _meet(lines, first_wall, last_wall, beside_m, reach_m, open_m, goes_m)
-    out = [np.zeros((0, 4))]
-    for side, sign in ((0, -1.0), (1, 1.0)):
-        x, y, ux, uy, half_m = lines[goes_m[:, side] > 0.0].T
-        end, beyond = sign * half_m, sign * (half_m + goes_m[goes_m[:, side] > 0.0, side])
-        out.append(np.column_stack([x + ux * end, y + uy * end, x + ux * beyond, y + uy * beyond]))
-    return np.vstack(out)
+    return pieces[: _meet(lines, first_wall, last_wall, beside_m, reach_m, open_m, pieces)]
 
 
 @kernel
@@ -84,15 +78,17 @@ def _open_ends(lines, points, first, last, first_wall, last_wall, beside, reach,
 
 
 @kernel
-def _meet(lines, first_wall, last_wall, beside, reach, open_m, goes_m):  # type: ignore[no-untyped-def]
-    """How far each open end goes on until it meets a point or a wall, or where another open end gets to; 0 for none."""
-    for i in range(len(lines)):
-        x, y, ux, uy, half = lines[i]
-        for side in range(2):
+def _meet(lines, first_wall, last_wall, beside, reach, open_m, pieces):  # type: ignore[no-untyped-def]
+    """From each open end that does not go too far until it meets a point or a wall, or where another open end gets to,
+    a piece; first ends before second ones. How many."""
+    count = 0
+    for side in range(2):
+        sign = 2.0 * side - 1.0
+        for i in range(len(lines)):
+            x, y, ux, uy, half = lines[i]
             nearest = open_m[i, side]
             if nearest <= 0.0:
                 continue
-            sign = 2.0 * side - 1.0
             vx, vy = sign * ux, sign * uy
             x0, y0 = x + half * vx, y + half * vy
             for j in range(first_wall[i], last_wall[i]):
@@ -114,4 +110,8 @@ def _meet(lines, first_wall, last_wall, beside, reach, open_m, goes_m):  # type:
                         if abs(on) <= lines[j, 4] + more:
                             nearest = at
             if nearest <= reach:
-                goes_m[i, side] = nearest
+                end, beyond = sign * half, sign * (half + nearest)
+                pieces[count, 0], pieces[count, 1] = x + ux * end, y + uy * end
+                pieces[count, 2], pieces[count, 3] = x + ux * beyond, y + uy * beyond
+                count += 1
+    return count

@@ -99,11 +99,12 @@ class CandidateFinder:
         """
         worth = worth or self._config
         cells = paths.roomiest(grid.to_walls_m, worth.least_room_m, worth.spacing_m)
-        cells = cells[_away_from(grid.frame.centres(cells), np.vstack([scanned, put_aside]), worth.apart_m)]
+        places = grid.frame.centres(cells)
+        away = _away_from(places, np.concatenate([scanned, put_aside]), worth.apart_m)
+        cells, places = cells[away], places[away]
         if not len(cells):
             return ()
         area = new_area(grid, cells, self._body, worth.view_m)
-        places = grid.frame.centres(cells)
         known = self._spans.of(chains)
         spans, dangling = known.spans, np.zeros(len(chains), dtype=bool)
         if tried is not None:
@@ -159,19 +160,26 @@ class CandidateFinder:
 
 def _away_from(places: Array, taken: Array, least_m: float) -> Mask:
     """Which places, shape (n, 2), have none of those taken, shape (k, 2), within a distance, shape (n,)."""
-    taken = taken[np.argsort(taken[:, 0])]
-    reach = least_m + 1e-9
-    first, last = (np.searchsorted(taken[:, 0], places[:, 0] + off) for off in (-reach, reach))
-    return np.asarray(_none_near(places, taken, first, last, least_m))
+    return np.asarray(_none_near(places, taken[np.argsort(taken[:, 0])], least_m))
 
 
 @kernel
-def _none_near(places, taken, first, last, least):  # type: ignore[no-untyped-def]
+def _none_near(places, taken, least):  # type: ignore[no-untyped-def]
+    """`taken`: by their x."""
     away = np.ones(len(places), dtype=np.bool_)
     for i in range(len(places)):
-        for j in range(first[i], last[i]):
-            dx, dy = abs(places[i, 0] - taken[j, 0]), abs(places[i, 1] - taken[j, 1])
-            if dx < least and dy < least and math.hypot(dx, dy) < least:
+        first, end = 0, len(taken)  # the first that is not too far to the left, by halves
+        while first < end:
+            middle = (first + end) >> 1
+            if taken[middle, 0] <= places[i, 0] - least - 1e-9:
+                first = middle + 1
+            else:
+                end = middle
+        for j in range(first, len(taken)):
+            dx, dy = taken[j, 0] - places[i, 0], abs(places[i, 1] - taken[j, 1])
+            if dx >= least:
+                break
+            if dy < least and math.hypot(dx, dy) < least:
                 away[i] = False
                 break
     return away

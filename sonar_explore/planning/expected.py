@@ -61,11 +61,10 @@ def _as_rows(chains: Sequence[Chain], rows: list[tuple[float, ...]]) -> ChainRow
 
 def _row(chain: Chain) -> tuple[float, ...]:
     direction = chain.root.segment.direction
-    along = np.array([math.cos(direction), math.sin(direction)])
-    across = np.array([-along[1], along[0]])
+    c, s = math.cos(direction), math.sin(direction)
     ends = np.array([link.segment.as_row() for link in chain.links]).reshape(-1, 2)
-    reach = ends @ along
-    span = (*along, np.mean(ends @ across), reach.min(), reach.max())
+    reach, across = (ends @ np.array([c, s])).tolist(), ends @ np.array([-s, c])
+    span = c, s, float(across.sum()) / len(across), min(reach), max(reach)
     return *span, direction, 0.0 if chain.dangling else chain.root_probability
 
 

@@ -65,10 +65,13 @@ def walls_along(feet: Array, axes_rad: Array) -> Array:
         feet: x y of the echoes if they came from on the axis, shape (n, 2), [m].
         axes_rad: from the disc to them, shape (n,), [rad].
     """
-    wall = np.empty(len(feet), dtype=np.int64)
-    _sort_by_wall(feet, _along(axes_rad), axes_rad, *BESIDE_M, wall)
-    pieces = [_piece(feet[wall == k], axes_rad[wall == k]) for k in np.unique(wall[wall >= 0])]
-    return np.vstack([np.zeros((0, 4)), *pieces])
+    wall, normals = np.empty(len(feet), dtype=np.int64), _along(axes_rad)
+    _sort_by_wall(feet, normals, axes_rad, *BESIDE_M, wall)
+    pieces: list[Array] = [np.zeros((0, 4))]
+    for k in sorted({*wall.tolist()} - {-1}):
+        of_it = np.flatnonzero(wall == k)
+        pieces.append(_piece(feet[of_it], normals[of_it], axes_rad[of_it]))
+    return np.concatenate(pieces)
 
 
 @kernel
@@ -111,18 +114,18 @@ def _along_wall(feet, normals, axes, i, j, most):  # type: ignore[no-untyped-def
     return along if abs(along) <= most and abs(turned) <= TURN_RAD else np.inf
 
 
-def _piece(feet: Array, axes_rad: Array) -> Array:
+def _piece(feet: Array, normals: Array, axes_rad: Array) -> Array:
     """One piece of wall through all feet, or where they are not in line a short one through each, shape (k, 4)."""
-    normal = _along(axes_rad).mean(axis=0)
-    normal /= math.hypot(*normal)
-    across = feet @ normal
-    if np.ptp(across) > 2.0 * LINE_M:
+    x, y = (normals.sum(axis=0) / len(feet)).tolist()
+    length = math.hypot(x, y)
+    x, y = x / length, y / length
+    across = feet @ np.array([x, y])
+    if across.max() - across.min() > 2.0 * LINE_M:
         tangents = HALF_LENGTH_M * _along(axes_rad + 0.5 * math.pi)
         return np.hstack([feet - tangents, feet + tangents])
-    tangent = np.array([-normal[1], normal[0]])
-    along = feet @ tangent
-    ends = np.array([[along.min() - HALF_LENGTH_M], [along.max() + HALF_LENGTH_M]])
-    return (across.mean() * normal + ends * tangent).reshape(1, 4)
+    along, middle = (feet @ np.array([-y, x])).tolist(), float(across.sum()) / len(feet)
+    ends = [min(along) - HALF_LENGTH_M, max(along) + HALF_LENGTH_M]
+    return np.array([[c for end in ends for c in (middle * x - end * y, middle * y + end * x)]])
 
 
 def _along(angles_rad: Array) -> Array:

@@ -97,10 +97,10 @@ class Surroundings:
         self.doubtful = False
         self._changed()
 
-    def add_body(self, here: Pose) -> None:
-        """The body is here: there is room for it. On the map from the next change on."""
-        in_scan = self._slam.scans[-1].pose.inverse() @ here
-        self._been.append((in_scan.x, in_scan.y))
+    def add_body(self, poses: Sequence[Pose]) -> None:
+        """The body was here, in order: there is room for it. On the map from the next change on."""
+        map_in_scan = self._slam.scans[-1].pose.inverse()
+        self._been += [(at.x, at.y) for at in (map_in_scan @ here for here in poses)]
 
     def add_passed(self, walls: Array) -> None:
         """Pieces of wall that the ring was sure of since the last scan, shape (n, 4), map frame, [m]; on the map from
@@ -119,11 +119,13 @@ class Surroundings:
 
     def anchored(self, x: float, y: float) -> Anchored:
         """A place, map frame, [m], that moves with the last scan from now on."""
-        return len(self._slam.scans) - 1, self._slam.scans[-1].pose.inverse() @ Pose(x, y, 0.0)
+        scans = self._slam.scans
+        return len(scans) - 1, scans[-1].pose.inverse() @ Pose(x, y, 0.0)
 
     def placed(self, anchored: Sequence[Anchored]) -> list[tuple[float, float]]:
         """Where such places are by the poses now believed, x y, map frame, [m]."""
-        return [(place.x, place.y) for place in (self._slam.scans[i].pose @ at for i, at in anchored)]
+        scans = self._slam.scans
+        return [(place.x, place.y) for place in (scans[i].pose @ at for i, at in anchored)]
 
     def swap_obstacles(self, obstacles: list[tuple[int, Array]]) -> list[tuple[int, Array]]:
         """Take these for what has shut the way so far; what was taken for it until now."""

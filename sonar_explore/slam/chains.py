@@ -193,11 +193,14 @@ class ChainMap:
     def _catch_up(self, chain_id: int) -> None:
         """The links of a chain go where their rows are."""
         chain, rows = self._chains[chain_id], self._rows[chain_id]
-        links, left = list(chain.links), self._left[rows]
-        ends = self._segments[rows].tolist()
-        for i in np.flatnonzero(left).tolist():
-            links[i] = Link(Segment(*ends[i]), links[i].scan, links[i].feature_index, links[i].feature)
-        self._chains[chain_id] = replace(chain, links=tuple(links))
+        moved, ends = self._left[rows].tolist(), self._segments[rows].tolist()
+        links = [
+            Link(Segment(*ends[i]), link.scan, link.feature_index, link.feature) if moved[i] else link
+            for i, link in enumerate(chain.links)
+        ]
+        self._chains[chain_id] = Chain(
+            chain_id, tuple(links), chain.root_index, chain.root_probability, chain.dangling
+        )
         self._left[rows] = self._behind[chain_id] = False
 
     def _stack(self, link: Link, chain_id: int, index: int) -> None:

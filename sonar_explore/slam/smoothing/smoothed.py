@@ -40,7 +40,9 @@ class SmoothedSlam(ChainSlam):
         self._where: Array = np.full((64, 3), np.inf)
         """x, y [m], heading [rad] at which each scan was placed."""
         self._moved: NDArray[np.bool_] = np.zeros(64, dtype=bool)
-        """Scans that were placed elsewhere since their entry was made."""
+        """Scans that were placed elsewhere since their entry was made,"""
+        self._stale = False
+        """and whether there are any."""
         self._hears_points = False
         """Whether a scan has what points are heard by: all discs."""
         self._motion = MotionSum(RandomWalk(odometry.turn_rad, odometry.drift_rad, odometry.distance_m))
@@ -48,10 +50,11 @@ class SmoothedSlam(ChainSlam):
     @property
     def scans(self) -> tuple[ScanEntry, ...]:
         """Every scan so far, in order, at the poses now believed."""
-        for k in np.flatnonzero(self._moved).tolist():
-            entry = self._entries[k]
-            self._entries[k] = ScanEntry(self._pose_of(k), entry.scan, entry.features)
-        self._moved[:] = False
+        if self._stale:
+            for k in np.flatnonzero(self._moved).tolist():
+                entry = self._entries[k]
+                self._entries[k] = ScanEntry(self._pose_of(k), entry.scan, entry.features)
+            self._moved[:] = self._stale = False
         return super().scans
 
     def _pose_of(self, scan: int) -> Pose:
@@ -157,6 +160,7 @@ class SmoothedSlam(ChainSlam):
             (config.settled_m, config.settled_m, config.settled_rad),
         )
         scans = scans[: _settle(poses, still, self._where, self._moved, scans)]
+        self._stale |= len(scans) > 0
         self.chains.place(scans, poses[scans])
         self.pose = self._pose_of(len(poses) - 1)
         turn_error, bend, _ = self._smoother.constants.tolist()
