@@ -36,38 +36,31 @@ def _product_turned(a, b, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def moved_covariance(covariance, forward, turn, own, heading, along, drift):  # type: ignore[no-untyped-def]
-    """F P F' + Q: the covariance after a motion; `along` is the variance of its length, `drift` that of its heading."""
-    c, s = math.cos(heading), math.sin(heading)
-    motion, half, p = np.zeros((SIZE, SIZE)), np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE))
-    for i in range(SIZE):
-        motion[i, i] = 1.0
-    motion[X, HEADING], motion[Y, HEADING] = -s * forward, c * forward
-    motion[HEADING, TURN], motion[HEADING, BEND], motion[HEADING, OWN] = turn, forward, own
-    _product(motion, covariance, half)
-    _product_turned(half, motion, p)
-    p[X, X] += c * c * along
-    p[Y, Y] += s * s * along
-    p[X, Y] += c * s * along
-    p[Y, X] += c * s * along
-    p[HEADING, HEADING] += drift
-    return p
-
-
-@kernel
 def spread(covariance, transition, bits, walk):  # type: ignore[no-untyped-def]
-    """Let a covariance grow by bits of motion, and multiply their F into `transition`, both in place.
+    """Let a covariance grow by bits of motion, F P F' + Q, and multiply their F into `transition`, both in place.
 
     A bit is metres forward, turn, turn but for the own part, own part, and the heading; `walk` has the variances of a
     metre's length, of a full turn and of a metre's heading.
     """
+    size = len(covariance)
+    motion, half = np.zeros((size, size)), np.empty((size, size))
+    for i in range(size):
+        motion[i, i] = 1.0
     for i in range(len(bits)):
         forward, turn, turned, own, heading = bits[i, 0], bits[i, 1], bits[i, 2], bits[i, 3], bits[i, 4]
         along = walk[0] * abs(forward)
         drift = walk[1] * turned / (2.0 * math.pi) + walk[2] * abs(forward)
-        covariance[:, :] = moved_covariance(covariance, forward, turn, own, heading, along, drift)
         c, s = math.cos(heading), math.sin(heading)
-        for j in range(SIZE):
+        motion[X, HEADING], motion[Y, HEADING] = -s * forward, c * forward
+        motion[HEADING, TURN], motion[HEADING, BEND], motion[HEADING, OWN] = turn, forward, own
+        _product(motion, covariance, half)
+        _product_turned(half, motion, covariance)
+        covariance[X, X] += c * c * along
+        covariance[Y, Y] += s * s * along
+        covariance[X, Y] += c * s * along
+        covariance[Y, X] += c * s * along
+        covariance[HEADING, HEADING] += drift
+        for j in range(size):
             transition[X, j] -= s * forward * transition[HEADING, j]
             transition[Y, j] += c * forward * transition[HEADING, j]
             transition[HEADING, j] += turn * transition[TURN, j] + forward * transition[BEND, j]

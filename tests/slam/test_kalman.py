@@ -16,7 +16,6 @@ from sonar_explore.slam.kalman import (
     innovated,
     learned_of_turn,
     learned_of_walls,
-    moved_covariance,
     spread,
     updated_covariance,
 )
@@ -29,20 +28,6 @@ def covariance(rng):
 
 def same(found, expected):
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_a_motion_carries_the_covariance_along(seed):
-    rng = np.random.default_rng(seed)
-    p, (forward, turn, own, heading) = covariance(rng), rng.normal(size=4)
-    along, drift = rng.uniform(0.0, 0.1, 2)
-    c, s = math.cos(heading), math.sin(heading)
-    motion, noise = np.eye(SIZE), np.zeros((SIZE, SIZE))
-    motion[:2, HEADING] = -s * forward, c * forward
-    motion[HEADING, [TURN, BEND, OWN]] = turn, forward, own
-    noise[:2, :2] = along * np.outer((c, s), (c, s))
-    noise[HEADING, HEADING] = drift
-    same(moved_covariance(p, forward, turn, own, heading, along, drift), motion @ p @ motion.T + noise)
 
 
 SIGMAS = (0.02, 0.005, 0.03)
@@ -122,18 +107,20 @@ def test_an_update_weighs_outliers_down_and_keeps_the_covariance_in_josephs_form
 
 
 @pytest.mark.parametrize("n", [0, 1, 7])
-def test_bits_of_motion_spread_one_after_the_other(n):
+def test_bits_of_motion_carry_the_covariance_along_one_after_the_other(n):
     rng = np.random.default_rng(n)
     p, transition, walk = covariance(rng), np.eye(SIZE), np.array([0.01, 0.02, 0.03])
     bits = rng.normal(size=(n, 5))
     bits[:, 2] = np.abs(bits[:, 2])
     plain, product = p.copy(), np.eye(SIZE)
     for forward, turn, turned, own, heading in bits:
-        drift = walk[1] * turned / math.tau + walk[2] * abs(forward)
-        plain = moved_covariance(plain, forward, turn, own, heading, walk[0] * abs(forward), drift)
-        motion = np.eye(SIZE)
-        motion[:2, HEADING] = -math.sin(heading) * forward, math.cos(heading) * forward
+        along, c, s = walk[0] * abs(forward), math.cos(heading), math.sin(heading)
+        motion, noise = np.eye(SIZE), np.zeros((SIZE, SIZE))
+        motion[:2, HEADING] = -s * forward, c * forward
         motion[HEADING, [TURN, BEND, OWN]] = turn, forward, own
+        noise[:2, :2] = along * np.outer((c, s), (c, s))
+        noise[HEADING, HEADING] = walk[1] * turned / math.tau + walk[2] * abs(forward)
+        plain = motion @ plain @ motion.T + noise
         product = motion @ product
     spread(p, transition, bits, walk)
     same(p, plain)
