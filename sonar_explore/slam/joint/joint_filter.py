@@ -24,7 +24,6 @@ from sonar_explore.slam.joint.joint_steps import (
     added,
     dropped,
     last_stale,
-    new_turn,
     points_added,
     points_learned,
     settled,
@@ -34,6 +33,7 @@ from sonar_explore.slam.joint.joint_steps import (
     walls_off,
 )
 from sonar_explore.slam.joint.landmarks import BASE, CHAIN, LAST, LINE, SCALE
+from sonar_explore.slam.kalman import OWN, SIZE
 from sonar_explore.slam.odometry_filter import FilterConfig, OdometryFilter
 from sonar_explore.slam.turn.discs import TurnError
 from sonar_explore.slam.turn.points import Point
@@ -91,7 +91,8 @@ class JointFilter(OdometryFilter):
         self._marks: Array = np.empty((16, 8))
         self._count = 0
         self._full: Array = np.zeros((BASE + 32, BASE + 32))
-        """The whole covariance; its first rows and columns lag behind `covariance` until it is settled."""
+        """The whole covariance; its first rows and columns lag behind `covariance` until that is settled."""
+        self._settled = False
         self._full[SCALE, SCALE] = config.range_scale**2
         self._slots: dict[int, int] = {}
         """The row among the landmarks of each chain."""
@@ -107,13 +108,25 @@ class JointFilter(OdometryFilter):
     @property
     def full_covariance(self) -> Array:
         """Of pose, wheels and own turn, the scale of ranges, and two numbers of each landmark, shape (n, n)."""
-        n = settled(self.landmarks, *self._unsettled)
+        self._settle()
+        n = BASE + 2 * self._count
         return self._full[:n, :n]
 
+    def _settle(self) -> None:
+        """Take what motions did into the whole covariance."""
+        self._spread()
+        if not self._settled:
+            settled(self.landmarks, self._full, self.covariance, self._transition)
+            self._settled = True
+
+    def _spread_by(self, bits: Array) -> None:
+        super()._spread_by(bits)
+        self._settled = False
+
     @property
-    def _unsettled(self) -> tuple[Array, Array, Array]:
-        """The covariance as the steps take it."""
-        return self._full, self.covariance, self._transition
+    def _estimate(self) -> tuple[Array, Array, Array]:
+        """Landmarks and covariances as the steps take them."""
+        return self.landmarks, self._full, self.covariance
 
     def _state(self, pose: Pose) -> Array:
         """The pose, and what is believed of wheels, turn and ranges, as the steps take it, shape (7,)."""
@@ -128,13 +141,16 @@ class JointFilter(OdometryFilter):
     def begin_scan(self, turn_rad: float) -> None:
         """A new turn, with an error of its own that has nothing to do with anything before it."""
         super().begin_scan(turn_rad)
-        new_turn(self.landmarks, *self._unsettled)
+        self._settled = False
+        self._settle()
+        n = BASE + 2 * self._count
+        self._full[OWN, SIZE:n] = self._full[SIZE:n, OWN] = 0.0
 
     def heard_turn(self, pose: Pose, turn: TurnError) -> tuple[Pose, float]:
         """Learn from what the discs say of the turn."""
         before, state = self.turn_error, self._state(pose)
-        self._spread()
-        turn_learned(state, self.landmarks, *self._unsettled, turn.relative, turn.sigma**2, self._joint_huber)
+        self._settle()
+        turn_learned(state, *self._estimate, turn.relative, turn.sigma**2, self._joint_huber)
         return self._believe(state), self.turn_error - before + self.own_error
 
     def line(self, chain: int, near: tuple[float, float]) -> Segment | None:
@@ -154,9 +170,9 @@ class JointFilter(OdometryFilter):
         """Which of these walls of a scan may be of these chains, all of them kept here, shape (n,)."""
         off = np.empty(len(walls))
         if len(walls):
-            self._spread()
+            self._settle()
             heard = self._walls(walls, chains)
-            walls_off(self._state(pose), self.landmarks, *self._unsettled, heard, off)
+            walls_off(self._state(pose), self.landmarks, self._full, heard, off)
         return np.asarray(off <= self._joint_gate)
 
     def by_walls(
@@ -170,11 +186,11 @@ class JointFilter(OdometryFilter):
         """The pose after these walls of a scan, of these chains, when these two of them each are one line."""
         if not len(walls):
             return pose
-        self._spread()
+        self._settle()
         state, heard = self._state(pose), self._walls(walls, chains)
         lines = np.array([(self._slots[a], self._slots[b]) for a, b in same], dtype=np.int64).reshape(-1, 2)
         told = heard, lines, self._same_noise
-        walls_learned(state, self.landmarks, *self._unsettled, *told, self._joint_huber, scan)
+        walls_learned(state, *self._estimate, *told, self._joint_huber, scan)
         return self._believe(state)
 
     def by_points(self, pose: Pose, points: Sequence[Point], scan: int, turn_error: float = 0.0) -> Pose:
@@ -185,36 +201,34 @@ class JointFilter(OdometryFilter):
         """
         if not points:
             return pose
-        self._spread()
+        self._settle()
         state, heard, joint = self._state(pose), self._points(points, turn_error), self.joint
         kinds, met = (
             np.array([point.kind for point in points], dtype=float),
             np.empty(len(points), dtype=bool),
         )
         limits = joint.reach_m, self._joint_gate, joint.unmatched, MOST_STEPS, self._joint_huber
-        points_learned(state, self.landmarks, *self._unsettled, heard, kinds, *limits, scan, met)
+        points_learned(state, *self._estimate, heard, kinds, *limits, scan, met)
         self._make_room(len(points))
-        self._count = points_added(state, self._marks, self._count, *self._unsettled, heard, kinds, met, scan)
+        self._count = points_added(state, self._marks, self._count, self._full, heard, kinds, met, scan)
         return self._believe(state)
 
     def add_wall(self, chain: int, pose: Pose, wall: Feature, scan: int) -> None:
         """The line of a chain that this wall roots, heard from this pose."""
-        self._spread()
+        self._settle()
         self._make_room(1)
         self._slots[chain] = self._count
         (heard,) = self._walls([wall], [chain])
-        wall_added(
-            self._state(pose), self._marks, self._count, *self._unsettled, heard, float(chain), float(scan)
-        )
+        wall_added(self._state(pose), self._marks, self._count, self._full, heard, chain, scan)
         self._count += 1
 
     def adopt(self, chain: int, line: Segment, scan: int) -> None:
         """A chain that was not kept here: its line is taken to be known apart from everything else."""
         angle = line.direction + math.pi / 2
         noise = np.diag([self.joint.bearing_rad**2, self.config.normal_m**2])
-        self._spread()
+        self._settle()
         self._make_room(1)
-        added(self._full, settled(self.landmarks, *self._unsettled), np.zeros((2, BASE)), noise)
+        added(self._full, BASE + 2 * self._count, np.zeros((2, BASE)), noise)
         self._slots[chain] = self._count
         self._marks[self._count] = angle, 0.0, *line.midpoint, LINE, chain, 1, scan
         self._count += 1
@@ -264,7 +278,8 @@ class JointFilter(OdometryFilter):
     def _drop(self, slot: int) -> None:
         """Without a landmark; the last one takes its row."""
         chain, moved = int(self._marks[slot, CHAIN]), int(self._marks[self._count - 1, CHAIN])
-        dropped(self.landmarks, *self._unsettled, slot)
+        self._settle()
+        dropped(self.landmarks, self._full, slot)
         if moved >= 0:
             self._slots[moved] = slot
         self._slots.pop(chain, None)

@@ -11,8 +11,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sonar_explore.compiled import inner_kernel, kernel
+from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
+from sonar_explore.geometry import Array, wrap_angle
 from sonar_explore.slam.kalman import HEADING, OWN, SIZE, TURN, X, Y
 from sonar_explore.slam.turn.heard import wrapped
 
@@ -30,34 +32,36 @@ SLOT, BEARING, RANGE, SWEEP, BEARING_VARIANCE, RANGE_VARIANCE, RADIUS = range(7)
 start of the scan; how far the robot had turned by then; how sure these are; and a column's radius."""
 
 
-@kernel
-def looked(pose, scale, marks, heard, columns, values, innovation):  # type: ignore[no-untyped-def]
-    """Two rows of the Jacobian for each thing heard, of bearing and range, and by how much it was heard elsewhere."""
+@lean_kernel
+def looked(state, marks, heard, columns, values, innovation, noise):  # type: ignore[no-untyped-def]
+    """Two rows of the Jacobian for each thing heard, of bearing and range, by how much it was heard elsewhere, and the
+    noise; into the first rows of these."""
     for i in range(len(heard)):
         slot, a, b = int(heard[i, SLOT]), 2 * i, 2 * i + 1
-        for row in (a, b):
+        for row in range(a, a + 2):
             columns[row, 0], columns[row, 1], columns[row, 2] = X, Y, HEADING
             columns[row, 3], columns[row, 4], columns[row, 5] = TURN, OWN, SCALE
             columns[row, 6], columns[row, 7] = BASE + 2 * slot, BASE + 2 * slot + 1
-            for k in range(ENTRIES):
+            for k in range(values.shape[1]):
                 values[row, k] = 0.0
         values[a, 2], values[a, 3], values[a, 4] = -1.0, -heard[i, SWEEP], -heard[i, SWEEP]
         values[b, 5] = -heard[i, RANGE]
-        bearing, depth = pose[2] + heard[i, BEARING], heard[i, RANGE] * (1.0 + scale)
+        noise[a], noise[b] = heard[i, BEARING_VARIANCE], heard[i, RANGE_VARIANCE]
+        bearing, depth = state[2] + heard[i, BEARING], heard[i, RANGE] * (1.0 + state[SCALE])
         if marks[slot, KIND] == LINE:
             angle, side = marks[slot, FIRST], 1.0
             turn = wrapped(bearing - angle)
             if abs(turn) > 0.5 * math.pi:  # seen from behind
                 turn, side = wrapped(turn + math.pi), -1.0
             c, s = math.cos(angle), math.sin(angle)
-            dx, dy = marks[slot, ANCHOR_X] - pose[0], marks[slot, ANCHOR_Y] - pose[1]
+            dx, dy = marks[slot, ANCHOR_X] - state[0], marks[slot, ANCHOR_Y] - state[1]
             innovation[a] = turn
             innovation[b] = depth - side * (marks[slot, SECOND] + c * dx + s * dy)
             values[a, 6] = 1.0
             values[b, 0], values[b, 1] = -side * c, -side * s
             values[b, 6], values[b, 7] = side * (c * dy - s * dx), side
         else:
-            dx, dy = marks[slot, FIRST] - pose[0], marks[slot, SECOND] - pose[1]
+            dx, dy = marks[slot, FIRST] - state[0], marks[slot, SECOND] - state[1]
             away = max(np.hypot(dx, dy), 1e-3)
             c, s = dx / away, dy / away
             innovation[a] = wrapped(bearing - math.atan2(dy, dx))
@@ -66,35 +70,35 @@ def looked(pose, scale, marks, heard, columns, values, innovation):  # type: ign
             values[b, 0], values[b, 1], values[b, 6], values[b, 7] = -c, -s, c, s
 
 
-@kernel
-def same_line(one, other, first, second, columns, values, innovation):  # type: ignore[no-untyped-def]
-    """Two rows that say that two lines, in these slots, are one: alike in bearing, the second's foot on the first."""
-    angle, turn = one[FIRST], wrapped(other[FIRST] - one[FIRST])
+def same_line(
+    marks: Array, first: int, second: int, columns: NDArray[np.int64], values: Array, innovation: Array
+) -> None:
+    """Two rows that say that the lines in these slots are one: alike in bearing, the second's foot on the first."""
+    one, other = marks[first].tolist(), marks[second].tolist()
+    angle, turn = one[FIRST], wrap_angle(other[FIRST] - one[FIRST])
     if abs(turn) > 0.5 * math.pi:
-        turn = wrapped(turn + math.pi)
+        turn = wrap_angle(turn + math.pi)
     c, s = math.cos(angle), math.sin(angle)
     u, v = math.cos(other[FIRST]), math.sin(other[FIRST])
     dx = other[ANCHOR_X] + other[SECOND] * u - one[ANCHOR_X]
     dy = other[ANCHOR_Y] + other[SECOND] * v - one[ANCHOR_Y]
-    for row in range(2):
-        for k in range(ENTRIES):
-            columns[row, k], values[row, k] = 0, 0.0
-        columns[row, 0], columns[row, 1] = BASE + 2 * first, BASE + 2 * first + 1
-        columns[row, 2], columns[row, 3] = BASE + 2 * second, BASE + 2 * second + 1
+    columns[:], values[:] = 0, 0.0
+    columns[:, 0], columns[:, 1] = BASE + 2 * first, BASE + 2 * first + 1
+    columns[:, 2], columns[:, 3] = BASE + 2 * second, BASE + 2 * second + 1
     innovation[0], innovation[1] = turn, c * dx + s * dy - one[SECOND]
     values[0, 0], values[0, 2] = 1.0, -1.0
     values[1, 0], values[1, 1] = s * dx - c * dy, 1.0
     values[1, 2], values[1, 3] = other[SECOND] * (c * v - s * u), -(c * u + s * v)
 
 
-@kernel
+@inner_kernel
 def observed(covariance, columns, values, across, expected):  # type: ignore[no-untyped-def]
     """H P, shape (m, n), and H P H' of a sparse Jacobian H; P is symmetric, the first n rows and columns given."""
     m, n = across.shape
     for i in range(m):
         for j in range(n):
             across[i, j] = 0.0
-        for k in range(ENTRIES):
+        for k in range(columns.shape[1]):
             column, value = columns[i, k], values[i, k]
             if value != 0.0:
                 for j in range(n):
@@ -102,11 +106,11 @@ def observed(covariance, columns, values, across, expected):  # type: ignore[no-
     for i in range(m):
         for j in range(m):
             expected[i, j] = 0.0
-            for k in range(ENTRIES):
+            for k in range(columns.shape[1]):
                 expected[i, j] += across[i, columns[j, k]] * values[j, k]
 
 
-@kernel
+@inner_kernel
 def squared(expected, innovation, noise, off):  # type: ignore[no-untyped-def]
     """How far off each thing is, bearing and range together, in squared standard deviations."""
     for i in range(len(off)):
@@ -121,7 +125,7 @@ def _squared(expected, innovation, noise, i):  # type: ignore[no-untyped-def]
     return (r * x * x - 2.0 * q * x * y + p * y * y) / (p * r - q * q)
 
 
-@kernel
+@inner_kernel
 def learned(covariance, across, expected, innovation, noise, huber, change):  # type: ignore[no-untyped-def]
     """One update of the filter: the covariance in place, and the change of the state.
 
@@ -132,13 +136,15 @@ def learned(covariance, across, expected, innovation, noise, huber, change):  # 
         across: H P; becomes A.
         expected: H P H'; becomes L.
         innovation: y; becomes L^-1 y.
+        noise: of each row; grows.
     """
     m, n = across.shape
-    grown = np.ones(m)
     for i in range(m // 2):
-        grown[2 * i] = grown[2 * i + 1] = max(1.0, _squared(expected, innovation, noise, i) / huber)
+        grown = max(1.0, _squared(expected, innovation, noise, i) / huber)
+        noise[2 * i] *= grown
+        noise[2 * i + 1] *= grown
     for i in range(m):
-        expected[i, i] += noise[i] * grown[i]
+        expected[i, i] += noise[i]
         for j in range(i + 1):
             value = expected[i, j]
             for k in range(j):
@@ -157,8 +163,8 @@ def learned(covariance, across, expected, innovation, noise, huber, change):  # 
             change[j] += across[i, j] * innovation[i]
     for i in range(
         n
-    ):  # by rounding, the unknowns of one landmark, or of the pose and wheels, may differ about the
-        for j in range(max(0, i - BASE), i):  # diagonal
+    ):  # by rounding, the unknowns of one landmark, or of pose and wheels, may differ about the diagonal
+        for j in range(max(0, i - BASE), i):
             covariance[j, i] = covariance[i, j]
     for i in range(n):
         for k in range(m):
@@ -167,7 +173,7 @@ def learned(covariance, across, expected, innovation, noise, huber, change):  # 
                 covariance[i, j] -= value * across[k, j]
 
 
-@kernel
+@inner_kernel
 def candidates(here, kinds, marks, reach, pairs):  # type: ignore[no-untyped-def]
     """Points of a scan and the landmarks of their kind this near, into `pairs` by the point: how many."""
     count = 0

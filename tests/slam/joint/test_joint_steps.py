@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from sonar_explore.geometry import Array
 from sonar_explore.slam.joint.joint_steps import (
     last_stale,
-    new_turn,
     points_added,
     points_learned,
     settled,
@@ -64,8 +63,8 @@ class Estimate:
         self.covariance, self.transition = self.full[:SIZE, :SIZE].copy(), np.eye(SIZE)
 
     @property
-    def parts(self) -> tuple[Array, Array, Array, Array]:
-        return self.marks[: self.k], self.full, self.covariance, self.transition
+    def parts(self) -> tuple[Array, Array, Array]:
+        return self.marks[: self.k], self.full, self.covariance
 
     def heard(self, slots):
         """What is heard of these landmarks, a little off."""
@@ -87,8 +86,9 @@ class Estimate:
         """Dense, with its innovation and noise."""
         m = 2 * len(heard)
         columns, values, off = np.empty((m, ENTRIES), dtype=np.intp), np.empty((m, ENTRIES)), np.empty(m)
-        looked(self.state, self.state[SCALE], self.marks, heard, columns, values, off)
-        return dense(columns, values, self.n), off, heard[:, 4:6].ravel()
+        noise = np.empty(m)
+        looked(self.state, self.marks, heard, columns, values, off, noise)
+        return dense(columns, values, self.n), off, noise
 
     def after(self, jacobian, off, noise):
         """The textbook's update, far ones counting less: state, the landmarks' numbers, covariance."""
@@ -133,17 +133,9 @@ def test_what_motions_did_is_taken_into_all_correlations(seed):
     whole[:SIZE, :SIZE] = motion
     now.transition[:] = motion
     now.covariance[:] = motion @ now.covariance @ motion.T
-    assert settled(*now.parts) == now.n
+    settled(*now.parts, now.transition)
     np.testing.assert_allclose(now.full[: now.n, : now.n], whole @ before @ whole.T, atol=1e-12)
     assert (now.transition == np.eye(SIZE)).all()
-
-
-def test_a_new_turn_has_nothing_to_do_with_anything_else():
-    now = Estimate(0)
-    now.covariance[OWN], now.covariance[:, OWN] = 0.0, 0.0
-    now.covariance[OWN, OWN] = 1e-4
-    new_turn(*now.parts)
-    assert np.count_nonzero(now.full[OWN]) == np.count_nonzero(now.full[:, OWN]) == 1
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -162,11 +154,11 @@ def test_walls_and_lines_that_are_one_are_learned_together(seed):
     heard, same_noise = now.heard([0, 2]), np.array([1e-5, 1e-4])
     jacobian, off, noise = now.jacobian(heard)
     found = np.empty(2)
-    walls_off(now.state, *now.parts, heard, found)
+    walls_off(now.state, *now.parts[:2], heard, found)
     squared = squares(now.full[: now.n, : now.n], jacobian, off, noise)
     np.testing.assert_allclose(found, squared, atol=1e-9)
     columns, values, apart = np.empty((2, ENTRIES), dtype=np.intp), np.empty((2, ENTRIES)), np.empty(2)
-    same_line(now.marks[0], now.marks[1], 0, 1, columns, values, apart)
+    same_line(now.marks, 0, 1, columns, values, apart)
     rows = np.vstack([jacobian, dense(columns, values, now.n)])
     expected = now.after(rows, np.append(off, apart), np.append(noise, same_noise))
     walls_learned(now.state, *now.parts, heard, np.array([[0, 1]]), same_noise, HUBER, 7)
@@ -236,8 +228,8 @@ def test_a_new_point_depends_on_all_that_it_was_heard_by(seed):
         return state[:2] + (1.3 * (1 + state[SCALE]) + 0.1) * np.array([math.cos(angle), math.sin(angle)])
 
     expected, at = grown(now, place), place(now.state)
-    met, rest = np.array([True, False]), (now.full, now.covariance, now.transition)
-    found = points_added(now.state, now.marks, count, *rest, heard, np.full(2, EDGE), met, 4)
+    met = np.array([True, False])
+    found = points_added(now.state, now.marks, count, now.full, heard, np.full(2, EDGE), met, 4)
     assert found == count + 1
     np.testing.assert_allclose(now.full[: now.n + 2, : now.n + 2], expected, atol=1e-9)
     assert now.marks[count].tolist() == [*at.tolist(), 0.0, 0.0, EDGE, -1.0, 1.0, 4.0]
@@ -255,8 +247,8 @@ def test_a_new_line_depends_on_all_that_it_was_heard_by(seed):
         beyond = (state[0] - x) * c + (state[1] - y) * s + 1.3 * (1 + state[SCALE]) - foot
         return np.array([state[HEADING] + 0.4 + 2.0 * (state[TURN] + state[OWN] - turned), beyond])
 
-    expected, rest = grown(now, line), (now.full, now.covariance, now.transition)
-    wall_added(now.state, now.marks, now.k, *rest, heard, 11.0, 4.0)
+    expected = grown(now, line)
+    wall_added(now.state, now.marks, now.k, now.full, heard, 11.0, 4.0)
     np.testing.assert_allclose(now.full[: now.n + 2, : now.n + 2], expected, atol=1e-9)
     anchor = x + foot * math.cos(normal), y + foot * math.sin(normal)
     assert now.marks[now.k].tolist() == [normal, 0.0, *anchor, LINE, 11.0, 1.0, 4.0]

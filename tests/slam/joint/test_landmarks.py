@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from way_in import way_in
 
 from sonar_explore.slam.joint.landmarks import (
     BASE,
     ENTRIES,
     LINE,
-    SCALE,
     best_pairs,
     candidates,
     learned,
@@ -22,7 +22,7 @@ from sonar_explore.slam.joint.landmarks import (
     same_line,
     squared,
 )
-from sonar_explore.slam.kalman import HEADING, OWN, TURN, X, Y
+from sonar_explore.slam.kalman import OWN, TURN
 from sonar_explore.slam.turn.points import PointKind
 
 STEP = 1e-6
@@ -44,7 +44,7 @@ def look(state, marks, heard):
     columns, values, innovation = np.empty((m, ENTRIES), dtype=np.intp), np.empty((m, ENTRIES)), np.empty(m)
     turned = heard.copy()
     turned[:, 1] += heard[:, 3] * (state[TURN] + state[OWN])
-    looked(state[[X, Y, HEADING]], state[SCALE], marks, turned, columns, values, innovation)
+    looked(state[:BASE], marks, turned, columns, values, innovation, np.empty(m))
     return dense(columns, values, len(state)), innovation
 
 
@@ -89,7 +89,7 @@ def test_two_lines_come_together_as_the_jacobian_says(seed, faces_away):
         moved = marks.copy()
         moved[:, :2] = state[BASE:].reshape(2, 2)
         columns, values, off = np.empty((2, ENTRIES), dtype=np.intp), np.empty((2, ENTRIES)), np.empty(2)
-        same_line(moved[0], moved[1], 0, 1, columns, values, off)
+        same_line(moved, 0, 1, columns, values, off)
         return dense(columns, values, len(state)), off
 
     np.testing.assert_allclose(rows(state)[0], -derivative(lambda s: rows(s)[1], state), atol=1e-6)
@@ -103,11 +103,11 @@ def test_the_innovation_has_the_covariance_of_the_dense_products(seed):
     covariance, columns = root @ root.T, rng.integers(0, n, (m, ENTRIES))
     values, noise, innovation = rng.normal(size=(m, ENTRIES)), rng.uniform(0.1, 1, m), rng.normal(size=m)
     across, expected, off = np.empty((m, n)), np.empty((m, m)), np.empty(m // 2)
-    observed(covariance, columns, values, across, expected)
+    way_in(observed)(covariance, columns, values, across, expected)
     jacobian = dense(columns, values, n)
     np.testing.assert_allclose(across, jacobian @ covariance, atol=1e-9)
     np.testing.assert_allclose(expected, jacobian @ covariance @ jacobian.T, atol=1e-9)
-    squared(expected, innovation, noise, off)
+    way_in(squared)(expected, innovation, noise, off)
     for i in range(m // 2):
         both = slice(2 * i, 2 * i + 2)
         block = expected[both, both] + np.diag(noise[both])
@@ -131,7 +131,7 @@ def test_an_update_is_that_of_the_textbook_and_counts_what_is_far_off_less(m):
     moved, left = gain @ innovation, covariance - gain @ across
     whole, change = np.zeros((n + 2, n + 2)), np.empty(n)
     whole[:n, :n] = covariance
-    learned(whole, across, expected, innovation, noise, huber, change)
+    way_in(learned)(whole, across, expected, innovation, noise, huber, change)
     np.testing.assert_allclose(change, moved, atol=1e-9)
     np.testing.assert_allclose(whole[:n, :n], left, atol=1e-9)
     assert (whole == whole.T).all()
@@ -179,5 +179,5 @@ def test_a_point_may_be_a_landmark_of_its_kind_within_reach():
         np.array([PointKind.EDGE, PointKind.CORNER], dtype=float),
     )
     pairs = np.empty((8, 2), dtype=np.intp)
-    count = candidates(here, kinds, marks, 1.0, pairs)
+    count = way_in(candidates)(here, kinds, marks, 1.0, pairs)
     assert pairs[:count].tolist() == [[0, 0], [1, 1]]
