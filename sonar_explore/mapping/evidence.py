@@ -80,10 +80,10 @@ class Evidence:
 
     def place(self, poses: Sequence[Pose], looks: Sequence[Look]) -> None:
         """Place what scans say that are new or stand elsewhere now."""
-        known = len(self.poses)
-        for i, (pose, look) in enumerate(zip(poses, looks, strict=True)):
-            if i >= known or pose is not self._believed[i] or look is not self._looks[i]:
-                self._put(i, pose, look)
+        known = zip(poses, self._believed, looks, self._looks, strict=False)
+        changed = [i for i, (p, q, look, was) in enumerate(known) if p is not q or look is not was]
+        for i in [*changed, *range(len(self.poses), len(poses))]:
+            self._put(i, poses[i], looks[i])
 
     def _put(self, scan: int, pose: Pose, look: Look) -> None:
         if scan < len(self.poses) and look is self._looks[scan]:

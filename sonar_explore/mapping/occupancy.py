@@ -186,6 +186,11 @@ class OccupancyMapper:
         states = drawn.sectors.states(*evidence, cfg.core_weight, cfg.body_weight)
         return OccupancyGrid(frame, states, drawn.kept)
 
+    @property
+    def scan_positions(self) -> Array:
+        """x y of the scans of the map drawn last, as they were believed then, shape (n, 2), map frame, [m]."""
+        return self._seen.believed_at.all.copy()
+
     def _walls(self, obstacles: Array, doubtful: bool) -> _Walls:
         """What is wall, of all that was seen."""
         cfg, seen = self._config, self._seen
@@ -233,7 +238,8 @@ class OccupancyMapper:
         """Scans that moved since last time; and those that may clear other cells than then: they moved, or a wall of
         theirs or near them changed."""
         seen, known = self._seen, len(drawn.poses)
-        moved = [i for i, pose in enumerate(seen.poses) if i >= known or pose is not drawn.poses[i]]
+        moved = [i for i, (a, b) in enumerate(zip(seen.poses, drawn.poses, strict=False)) if a is not b]
+        moved += range(known, len(seen.poses))
         changed = differing_rows(barriers, drawn.barriers)
         reach_m = seen.reach_m.all[:, 0] + self._config.wall_margin_m
         again = in_reach(seen.at.all, reach_m, changed)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import compress
 
 import numpy as np
 
@@ -119,23 +118,19 @@ class CandidateFinder:
         chosen = self._spread(places, np.where(enough | meets, rank / (1.0 + length), 0.0))
         answers = self._answers(places[chosen], spans, grid)
         certainty = _certainty(known.certain, known.directions, answers)
+        ids = np.array(known.ids, dtype=np.intp)
         return tuple(
             Candidate(
                 x=x,
                 y=y,
                 path_length_m=float(length[i]),
                 new_area_m2=float(area[i]),
-                chains=tuple(compress(known.ids, answering)),
+                chains=tuple(ids[answering].tolist()),
                 certainty=sure,
-                missing_links=tuple(compress(known.ids, dangles)) if meets[i] else (),
+                missing_links=tuple(ids[answering & dangling].tolist()) if meets[i] else (),
             )
-            for i, (x, y), answering, dangles, sure in zip(
-                chosen,
-                places[chosen].tolist(),
-                answers.tolist(),
-                (answers & dangling).tolist(),
-                certainty.tolist(),
-                strict=True,
+            for i, (x, y), answering, sure in zip(
+                chosen, places[chosen].tolist(), answers, certainty.tolist(), strict=True
             )
         )
 

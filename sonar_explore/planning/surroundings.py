@@ -86,7 +86,8 @@ class Surroundings:
     def scan_positions(self) -> Array:
         """x y of every scan, shape (n, 2), map frame, [m]."""
         if self._scan_positions is None:
-            self._scan_positions = np.array([(e.pose.x, e.pose.y) for e in self._slam.scans])
+            assert self.grid  # drawn of all of them
+            self._scan_positions = self._mapper.scan_positions
         return self._scan_positions
 
     def add_scan(self, scan: Scan, features: Sequence[Feature]) -> None:
