@@ -8,6 +8,8 @@ from sonar_explore.compiled import lean_kernel
 from sonar_explore.envs.pings import cell_of
 from sonar_explore.envs.scene import Scene
 
+_HAIR_M2 = 1e-9  # more than rounding can do to the square of the nearest distance
+
 
 def clearance(scene: Scene, x: float, y: float) -> float:
     """Distance from a point to the nearest wall or to the surface of the nearest column, [m]; inf far outside."""
@@ -18,7 +20,7 @@ def clearance(scene: Scene, x: float, y: float) -> float:
 def clearance_at(x, y, things, index):  # type: ignore[no-untyped-def]
     """`clearance` for kernels."""
     walls, cylinders = things.walls, things.cylinders
-    best = math.inf
+    best, limit = math.inf, math.inf
     cell = cell_of(x, y, index.frame)
     if cell < 0:
         return best
@@ -28,7 +30,10 @@ def clearance_at(x, y, things, index):  # type: ignore[no-untyped-def]
         ex, ey = walls[i, 2] - ax, walls[i, 3] - ay
         t = ((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey)
         t = min(1.0, max(0.0, t))
-        best = min(best, math.hypot(x - ax - t * ex, y - ay - t * ey))
+        dx, dy = x - ax - t * ex, y - ay - t * ey
+        if dx * dx + dy * dy < limit:  # the rest is farther off, however its distance is rounded
+            best = min(best, math.hypot(dx, dy))
+            limit = best * best + _HAIR_M2
     for k in range(index.cylinder_first[cell], index.cylinder_first[cell + 1]):
         i = index.cylinder_items[k]
         best = min(best, math.hypot(x - cylinders[i, 0], y - cylinders[i, 1]) - cylinders[i, 2])

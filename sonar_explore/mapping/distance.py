@@ -178,16 +178,17 @@ def _along(down, far, first, last, begin_at, end_at, envelope, squares):  # type
     for u in range(first, last + 1):
         gu = down[u]
         left, right = down[max(u - 1, 0)], down[min(u + 1, columns - 1)]
-        if gu >= far or (gu == 0 and left == 0 and right == 0):
+        if gu >= far or (gu > left and gu > right):  # higher than both beside it
             continue
-        if min(gu * gu - left * left, gu * gu - right * right) >= 1:  # nowhere lower than both beside it
+        if gu == 0 and left == 0 and right == 0:
             continue
         begin = begin_at
         while parts > 0:
             i = envelope[0, parts - 1]
             gi = down[i]
             # the first column where the parabola of u lies below that of i
-            begin = int(math.floor(((u - i) * (u + i) + gu * gu - gi * gi) / (2.0 * (u - i)))) + 1
+            twice, apart = (u - i) * (u + i) + gu * gu - gi * gi, u - i
+            begin = (twice >> 1 if apart == 1 else int(math.floor(twice / (2.0 * apart)))) + 1
             if begin > envelope[1, parts - 1]:
                 break
             parts -= 1
@@ -195,15 +196,15 @@ def _along(down, far, first, last, begin_at, end_at, envelope, squares):  # type
         if begin <= end_at:
             envelope[0, parts], envelope[1, parts] = u, max(begin, begin_at)
             parts += 1
-    k = parts - 1
-    for c in range(end_at, begin_at - 1, -1):
-        if down[c] == 0 or parts == 0:
-            squares[c] = 0 if down[c] == 0 else _NONE
-            continue
-        while envelope[1, k] > c:
-            k -= 1
+    end = end_at
+    for k in range(parts - 1, -1, -1):
         i = envelope[0, k]
-        squares[c] = (c - i) * (c - i) + down[i] * down[i]
+        lowest = down[i] * down[i]
+        for c in range(envelope[1, k], end + 1):
+            squares[c] = (c - i) * (c - i) + lowest
+        end = envelope[1, k] - 1
+    for c in range(begin_at, end_at + 1):
+        squares[c] = 0 if down[c] == 0 else (squares[c] if parts > 0 else _NONE)
 
 
 @inner_kernel

@@ -35,6 +35,7 @@ POINT_HEARD_RAD = math.radians(7.0)  # and so is an edge this much off it
 COLUMNS = 6  # of a piece
 NEARER_PER_M = math.cos(math.radians(41.0))  # as fast comes a wall nearer that lies beside the front discs
 GLANCE_LEAST_M = 0.06  # no oftener does the robot glance, [m]
+HAIR_M2 = 1e-9  # nearer than this to the square of a limit the exact distance decides
 BEFORE_M = 0.06  # what a disc should have heard lies nearer by this than what it heard
 
 
@@ -162,8 +163,12 @@ def _is_of_a_point(x, y, axis, range_m, points):  # type: ignore[no-untyped-def]
     """Whether an echo may be that of one of the points, shape (n, 2): as far off, and where an edge is still heard."""
     c, s = math.cos(axis), math.sin(axis)
     aside = min(POINT_WITHIN_M, range_m * math.sin(EDGE_HEARD_RAD) + POINT_HEARD_M)
+    nearest, farthest = max(0.0, range_m - POINT_HEARD_M), range_m + POINT_HEARD_M
     for i in range(len(points)):
         to_x, to_y = points[i, 0] - x, points[i, 1] - y
+        square = to_x * to_x + to_y * to_y
+        if square < nearest * nearest - HAIR_M2 or square > farthest * farthest + HAIR_M2:
+            continue
         off = abs(math.hypot(to_x, to_y) - range_m)
         if off <= POINT_HEARD_M and abs(to_y * c - to_x * s) <= aside and to_x * c + to_y * s > 0.0:
             return True
@@ -188,15 +193,18 @@ def _refute(pieces, count, x, y, heading, range_m, silent):  # type: ignore[no-u
     for i in range(count):
         piece = pieces[i]
         to_x, to_y = piece[0] - x, piece[1] - y
-        across = to_x * piece[2] + to_y * piece[3]
+        across, distance = to_x * piece[2] + to_y * piece[3], 0.0
         if piece[4] > 0.0:
             distance = abs(across)
             ahead = (piece[2] * c + piece[3] * s) * (1.0 if across >= 0.0 else -1.0)
             along = abs(to_y * piece[2] - to_x * piece[3])
             heard = along <= piece[4] and ahead >= math.cos(PLANE_HEARD_RAD)
         else:
-            distance = math.hypot(to_x, to_y)
-            heard = to_x * c + to_y * s >= distance * math.cos(POINT_HEARD_RAD)
+            ahead = to_x * c + to_y * s
+            heard = ahead >= 0.0  # none that lies behind
+            if heard:
+                distance = math.hypot(to_x, to_y)
+                heard = ahead >= distance * math.cos(POINT_HEARD_RAD)
         if heard and distance < range_m - BEFORE_M:
             piece[5] += 1.0 if silent else 2.0
         if piece[5] >= 2.0:
@@ -214,7 +222,9 @@ def _forget_far(pieces, count, x, y):  # type: ignore[no-untyped-def]
     """Move the pieces near the robot to the front, in their order; how many they are."""
     kept = 0
     for i in range(count):
-        if math.hypot(pieces[i, 0] - x, pieces[i, 1] - y) <= KEPT_M:
+        to_x, to_y = pieces[i, 0] - x, pieces[i, 1] - y
+        square = to_x * to_x + to_y * to_y
+        if square < KEPT_M * KEPT_M - HAIR_M2 or math.hypot(to_x, to_y) <= KEPT_M:
             _copy(pieces[i], pieces[kept])
             kept += 1
     return kept
