@@ -76,7 +76,7 @@ class Scorer:
     @property
     def reachable_area_m2(self) -> float:
         """[m2]"""
-        return float(self.reachable.sum()) * self.resolution_m**2
+        return float(self._reachable_cells) * self.resolution_m**2
 
     def add_scan(self, x: float, y: float) -> float:
         """Count a scan taken truly at (x, y) [m]; the fraction explored so far."""

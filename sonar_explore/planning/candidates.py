@@ -109,11 +109,15 @@ class CandidateFinder:
         if tried is not None:
             for i in np.flatnonzero(known.dangling).tolist():
                 dangling[i] = tried.get(known.ids[i], 0) < 2
-        meets = self._answered(places, spans[dangling], grid)
-        meets[meets] = self._answered(places[meets], spans[~dangling], grid)
+        meets = np.zeros(len(places), dtype=bool)
+        if dangling.any():
+            meets = self._answered(places, spans[dangling], grid)
+            meets[meets] = self._answered(places[meets], spans[~dangling], grid)
         length = paths.costs_to_m(cells)
         least = worth.least_area_m2 + worth.area_per_m * length
         enough = area >= np.minimum(least, max(worth.least_area_m2, worth.enough_m2))
+        if not (enough | meets).any():
+            return ()
         rank = np.where(enough, area, 0.0) + 0.2 * meets
         chosen = self._spread(places, np.where(enough | meets, rank / (1.0 + length), 0.0))
         answers = self._answers(places[chosen], spans, grid)

@@ -134,7 +134,12 @@ class SafePaths:
     @property
     def within(self) -> Mask:
         """Cells that the body can be driven to, shape (rows, columns)."""
-        return np.asarray((self.cost_m < np.inf) & (self.room_m >= self.least_room_m))
+        first_row, end_row, first_column, end_column = self._reached
+        within: Mask = np.zeros(self.frame.shape, dtype=bool)
+        part = np.s_[first_row - 1 : end_row - 1, first_column - 1 : end_column - 1]
+        within[part] = self._costs[first_row:end_row, first_column:end_column] < np.inf
+        within[part] &= self.room_m[part] >= self.least_room_m
+        return within
 
     def costs_to_m(self, cells: Cells) -> Array:
         """`cost_m` of cells of the part reached, shape (n, 2): shape (n,)."""
@@ -351,7 +356,8 @@ def straightened(path: Array, room_m: Array, frame: GridFrame, enough_m: float =
 
 def path_length(path: Array) -> float:
     """[m]"""
-    return float(np.hypot(*np.diff(path, axis=0).T).sum())
+    x, y = (path[1:] - path[:-1]).T
+    return float(np.hypot(x, y).sum())
 
 
 def _least_room(points: Array, room_m: Array, frame: GridFrame) -> float:

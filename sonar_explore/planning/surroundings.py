@@ -80,7 +80,7 @@ class Surroundings:
     @property
     def free_m2(self) -> float:
         """Of the map as it is taken, [m2]."""
-        return float(self.grid.free.sum()) * self.grid.frame.resolution_m**2
+        return float(np.count_nonzero(self.grid.free)) * self.grid.frame.resolution_m**2
 
     @property
     def scan_positions(self) -> Array:
