@@ -77,7 +77,7 @@ def _pairs(line: shapely.LineString) -> Array:
 
 
 def _wedges(walls: Array) -> Array:
-    """The wedges that answer: right corners and convex edges, shape (k, 5)."""
+    """The wedges that answer: right corners and convex edges, shape (k, 9)."""
     ends = np.vstack([walls[:, 0:2], walls[:, 2:4]])
     directions = np.vstack([walls[:, 2:4] - walls[:, 0:2], walls[:, 0:2] - walls[:, 2:4]])
     keys = np.round(ends / SNAP_M).astype(np.int64)
@@ -95,7 +95,9 @@ def _wedges(walls: Array) -> Array:
             kind = _kind(float(opening))
             if kind:
                 rows.append((float(x), float(y), float(start), float(opening), kind))
-    return np.array(rows, dtype=float).reshape(-1, 5)
+    wedges = np.array(rows, dtype=float).reshape(-1, 5)
+    start, end = wedges[:, 2], wedges[:, 2] + wedges[:, 3]
+    return np.column_stack([wedges, np.cos(start), np.sin(start), np.cos(end), np.sin(end)])
 
 
 def _kind(opening: float) -> float:

@@ -151,7 +151,7 @@ def _nearest_wall(way, heading, gain, range_max, near):
             r = math.hypot(dx, dy)
             along = c * dx + s * dy
             if (
-                1e-6 < r < best
+                1e-6 <= r < best
                 and along >= _COS_WIDEST * r
                 and _heard(gain / r, along, c * dy - s * dx)
                 and _reachable(way, fx, fy, i, -1, near)

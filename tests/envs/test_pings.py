@@ -67,6 +67,51 @@ def test_scans_of_random_worlds_are_those_of_single_pings(seed):
     assert len(heard) >= 6
 
 
+def crowded_world(rng):
+    """Walls, each with others that touch its line: just behind it, at a small angle from its end, as a T, going on."""
+    walls = []
+    for _ in range(int(rng.integers(1, 4))):
+        bearing = rng.choice((0.0, math.pi / 2, rng.uniform(0, math.tau)))
+        along = np.array([math.cos(bearing), math.sin(bearing)])
+        across = rng.choice((-1.0, 1.0)) * np.array([-along[1], along[0]])
+        a = np.round(rng.uniform(0, 4, 2), 2)
+        b = a + rng.uniform(0.5, 4.0) * along
+        walls.append((*a, *b))
+        for kind in rng.integers(0, 4, int(rng.integers(1, 6))):
+            end, step, length = (
+                (a, b)[rng.integers(2)],
+                rng.choice((0.0, 0.001, 0.01, 0.5)),
+                rng.uniform(0.02, 3),
+            )
+            if kind == 0:
+                begin = (
+                    a + rng.uniform(-0.5, 1.5) * (b - a) + rng.choice((0.001, 0.002, 0.005, 0.05)) * across
+                )
+                walls.append((*begin, *(begin + length * along)))
+            elif kind == 1:
+                turn = (
+                    bearing + rng.choice((0.0, math.pi)) + rng.choice((0.001, -0.01, 0.1, 1.0, math.pi / 2))
+                )
+                walls.append((*end, *(end + length * np.array([math.cos(turn), math.sin(turn)]))))
+            elif kind == 2:
+                begin = a + rng.uniform() * (b - a)
+                walls.append((*begin, *(begin + length * across + 0.3 * rng.standard_normal() * along)))
+            else:
+                walls.append((*(b + step * along), *(b + (step + length) * along)))
+    columns = np.column_stack([rng.uniform(0, 4, (2, 2)), rng.uniform(0.02, 0.2, 2)])[: rng.integers(0, 3)]
+    lines = np.array(walls)
+    return World("crowded", "crowded", lines, np.zeros(len(lines)), columns, Pose(0.0, 0.0, 0.0), False)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_walls_that_touch_the_line_of_another_change_nothing_about_what_is_heard_by_way_of_it(seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(40):
+        scene = Scene.of(crowded_world(rng), 5.0)
+        for x, y in rng.uniform(-0.5, 4.5, (12, 2)):
+            assert_same(scene, scan_discs(rng, x, y), SonarPhysics())
+
+
 @pytest.mark.parametrize("name", shipped_worlds())
 def test_scans_of_shipped_worlds_are_those_of_single_pings(name):
     rng = np.random.default_rng(7)

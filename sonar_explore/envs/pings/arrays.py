@@ -33,10 +33,12 @@ CELLS = 4  # of 1 m, that a box of `TOGETHER_M` may touch
 LISTS = 9  # rows of `Scratch.lists`:
 HIDDEN_BY, NEAR_CELLS, KNOWN_VIEWS, NEAR_WALLS, NEAR_WEDGES, NEAR_COLUMNS = range(6)
 SPARE, IN_FAN, IN_SIGHT = range(6, LISTS)
-ROWS = 12  # of `Scratch.rows`, each a number of what is near:
-# the first end of each wall and the vector to its second, its roughness; wedges, 1 where they are corners;
+ROWS = 18  # of `Scratch.rows`, each a number of what is near:
+# the first end of each wall and the vector to its second, its roughness; the columns of each wedge, as in `Things`;
 # windows of sources; what was found.
-AX, AY, EX, EY, IS_ROUGH, CX, CY, IS_CORNER, WINDOW_X, WINDOW_Y, WINDOW_COS, FOUND = range(ROWS)
+AX, AY, EX, EY, IS_ROUGH, CX, CY, *_REST = range(ROWS)
+OPENING, KIND, SX, SY, TX, TY, WINDOW_X, WINDOW_Y, WINDOW_COS, FOUND = _REST[1:]
+WEDGE_COLUMNS = 9
 LANES = 8  # numbers that are worked on at a time: rows are filled up to a multiple
 HIDING = 4096  # places for the lists of what could hide a source
 
@@ -54,7 +56,7 @@ class Things(NamedTuple):
     walls: Array
     """x1 y1 x2 y2 roughness, shape (n, 5)."""
     wedges: Array
-    """x y start opening kind, shape (k, 5)."""
+    """x y start opening kind, cosine and sine of the start, of the end; shape (k, 9)."""
     cylinders: Array
     """x y radius, shape (m, 3)."""
 

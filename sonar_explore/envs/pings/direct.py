@@ -34,27 +34,17 @@ from sonar_explore.envs.pings.geometry import crossing, is_clear
 from sonar_explore.envs.pings.views import amplitude
 
 
-@inner_kernel
-def _heard(on_axis, along, across, mute, loud, ear):  # type: ignore[no-untyped-def]
-    """Whether a source with this amplitude on the axis is above the threshold where it lies.
-
-    sin^2 <= theta^2 <= tan^2: where either already tells, no angle is computed.
-    """
-    aa, cc = across * across, along * along
-    if aa > mute * (aa + cc):
-        return False
-    if aa < loud * cc:
-        return True
-    theta = math.atan2(across, along)
-    return on_axis * math.exp(-(theta * theta) / (ear.s * ear.s)) >= ear.threshold
-
-
 @inlined_kernel
 def _echo(what, i, opens, disc, gain, best, mute, loud, things, ear):  # type: ignore[no-untyped-def]
-    """Range [m] at which q hears source i in its beam, -1 where not or not nearer than `best`; its place."""
-    walls, wedges, cylinders, qx, qy = things.walls, things.wedges, things.cylinders, disc.qx, disc.qy
-    c, s = disc.c, disc.s
-    sx, sy, r, along, on_axis = 0.0, 0.0, -1.0, 0.0, 0.0
+    """Range [m] at which q hears source i in its beam, -1 where not or not nearer than `best`; its place.
+
+    sin^2 <= theta^2 <= tan^2: where either already tells that it is too soft or loud enough, no angle is computed.
+    Half of what is asked for is too soft, so that is asked first, before its range is known.
+    """
+    walls, qx, qy, c, s = things.walls, disc.qx, disc.qy, disc.c, disc.s
+    sx, sy, radius = 0.0, 0.0, 0.0
+    if what == ROUGH_WALL:
+        return _rough_echo(i, disc, gain, best, walls, ear)
     if what == WALL:
         ax, ay = walls[i, 0], walls[i, 1]
         ex, ey = walls[i, 2] - ax, walls[i, 3] - ay
@@ -62,41 +52,49 @@ def _echo(what, i, opens, disc, gain, best, mute, loud, things, ear):  # type: i
         if t < 0.0 or t > 1.0:
             return -1.0, sx, sy
         sx, sy = ax + t * ex, ay + t * ey
-        dx, dy = sx - qx, sy - qy
-        r = math.hypot(dx, dy)
-        along = c * dx + s * dy
-        if r <= 1e-6 or r >= best or along < ear.cos_widest * r:
-            return -1.0, sx, sy
-        on_axis = gain / r
-    elif what == ROUGH_WALL:
-        ax, ay, bx, by = walls[i, 0], walls[i, 1], walls[i, 2], walls[i, 3]
-        r = crossing(qx, qy, qx + best * c, qy + best * s, ax, ay, bx, by) * best
-        if r <= 1e-6:
-            return -1.0, sx, sy
-        ex, ey = bx - ax, by - ay
-        cos_incidence = abs(c * ey - s * ex) / math.hypot(ex, ey)
-        loud_enough = gain * walls[i, 4] * cos_incidence / r >= ear.threshold
-        return r if loud_enough else -1.0, qx + r * c, qy + r * s
     elif what == WEDGE:
-        sx, sy = wedges[i, 0], wedges[i, 1]
-        dx, dy = sx - qx, sy - qy
-        r = math.hypot(dx, dy)
-        along = c * dx + s * dy
-        if r < 1e-6 or r >= best or along < ear.cos_widest * r:
-            return -1.0, sx, sy
-        if opens == 0 and (math.atan2(-dy, -dx) - wedges[i, 2]) % (2.0 * math.pi) > wedges[i, 3]:
-            return -1.0, sx, sy
-        on_axis = amplitude(what, r, gain, i, things, ear)
+        sx, sy = things.wedges[i, 0], things.wedges[i, 1]
     else:
-        dx, dy = cylinders[i, 0] - qx, cylinders[i, 1] - qy
-        centre = math.hypot(dx, dy)
-        r = centre - cylinders[i, 2]
-        along = c * dx + s * dy
-        if r < 1e-6 or r >= best or along < ear.cos_widest * centre:
-            return -1.0, sx, sy
-        sx, sy = qx + dx * r / centre, qy + dy * r / centre
+        sx, sy, radius = things.cylinders[i, 0], things.cylinders[i, 1], things.cylinders[i, 2]
+    dx, dy = sx - qx, sy - qy
+    along, across = c * dx + s * dy, c * dy - s * dx
+    cc, aa = along * along, across * across
+    if aa > mute * (aa + cc):
+        return -1.0, sx, sy
+    distance = math.hypot(dx, dy)
+    r = distance - radius
+    if r < 1e-6 or r >= best or along < ear.cos_widest * distance:
+        return -1.0, sx, sy
+    if what == WEDGE and opens == 0 and not _is_open(things.wedges, i, dx, dy):
+        return -1.0, sx, sy
+    if aa >= loud * cc:
+        theta = math.atan2(across, along)
         on_axis = amplitude(what, r, gain, i, things, ear)
-    return r if _heard(on_axis, along, c * dy - s * dx, mute, loud, ear) else -1.0, sx, sy
+        if on_axis * math.exp(-(theta * theta) / (ear.s * ear.s)) < ear.threshold:
+            return -1.0, sx, sy
+    if what == COLUMN:
+        sx, sy = qx + dx * r / distance, qy + dy * r / distance
+    return r, sx, sy
+
+
+@inner_kernel
+def _is_open(wedges, i, dx, dy):  # type: ignore[no-untyped-def]
+    """Whether wedge i, at (dx, dy) from a disc, opens to it."""
+    return (math.atan2(-dy, -dx) - wedges[i, 2]) % (2.0 * math.pi) <= wedges[i, 3]
+
+
+@inner_kernel
+def _rough_echo(i, disc, gain, best, walls, ear):  # type: ignore[no-untyped-def]
+    """The same of a rough wall, where the beam's axis meets it."""
+    qx, qy, c, s = disc.qx, disc.qy, disc.c, disc.s
+    ax, ay, bx, by = walls[i, 0], walls[i, 1], walls[i, 2], walls[i, 3]
+    r = crossing(qx, qy, qx + best * c, qy + best * s, ax, ay, bx, by) * best
+    if r <= 1e-6:
+        return -1.0, 0.0, 0.0
+    ex, ey = bx - ax, by - ay
+    cos_incidence = abs(c * ey - s * ex) / math.hypot(ex, ey)
+    loud_enough = gain * walls[i, 4] * cos_incidence / r >= ear.threshold
+    return r if loud_enough else -1.0, qx + r * c, qy + r * s
 
 
 @inner_kernel

@@ -23,7 +23,14 @@ from sonar_explore.envs.pings.arrays import (
 )
 from sonar_explore.envs.pings.direct import nearest_source
 from sonar_explore.envs.pings.geometry import mirrored, mirrored_heading
-from sonar_explore.envs.pings.rays import UNSURE, first_mirror, first_on_the_way, second_mirror, surely_first
+from sonar_explore.envs.pings.rays import (
+    UNSURE,
+    first_mirror,
+    first_on_the_way,
+    only_mirror,
+    second_mirror,
+    surely_first,
+)
 from sonar_explore.envs.pings.rows import find_in_fan, listed
 from sonar_explore.envs.pings.views import mirror_view
 
@@ -51,8 +58,11 @@ def ghost(silent, heading, allowed, circle, things, near, room, ear, base, known
     right_x, right_y = side * (c * turn_c + s * turn_s), side * (s * turn_c - c * turn_s)
     find_in_fan(px, py, left_x, left_y, right_x, right_y, blur, count, rows)
     count = listed(count, rows, fan)
+    rays, only = 5, only_mirror(px, py, left_x, left_y, right_x, right_y, blur, rows, fan, count)
+    if only >= 0:  # mostly: the other rays would find the same
+        fan[0], count, rays = only, 1, 1
     places, seen_1, seen_2 = lists[IN_SIGHT], NONE, NONE
-    for ray in range(5):
+    for ray in range(rays):
         bearing, rc, rs = heading + ear.fan * _OFFSETS_RAD[ray], c, s
         if ray > 0:
             along, side = (half_c, half_s) if ray < 3 else (turn_c, turn_s)

@@ -19,6 +19,9 @@ UNSURE = -2
 GRAZING = (
     1e-3  # rays that meet a wall at a smaller angle [rad] are not sure: their place on it is not known well
 )
+# shares of a ray's length by which a wall surely lies behind another, or far behind it, or touches its line;
+# and how far beside the fan it then does:
+BEHIND, FAR_BEHIND, TOUCHING, ASIDE_M = 1e-5, 1e-2, 1e-9, 1e-3
 
 
 @inner_kernel
@@ -48,6 +51,46 @@ def surely_first(px, py, dx, dy, blur, near_walls, rows, places, count):  # type
         if share < best:
             best, hit = share, near_walls[k]
     return hit, best
+
+
+@inner_kernel
+def only_mirror(px, py, left_x, left_y, right_x, right_y, blur, rows, places, count):  # type: ignore[no-untyped-def]
+    """Place of the one wall that all rays of a fan surely meet first, -1 where none may be or rounding could decide.
+
+    The fan lies between p + left and p + right, `places` are those of the walls in it. A wall that both its sides
+    meet is met by all between them, and first where everything else lies behind its line.
+    """
+    reach = max(abs(left_x) + abs(left_y), abs(right_x) + abs(right_y))
+    only, depth, nx, ny, line = NONE, 2.0, 0.0, 0.0, 0.0
+    for j in range(count):
+        k = places[j]
+        ax, ay, ex, ey = rows[AX, k] - px, rows[AY, k] - py, rows[EX, k], rows[EY, k]
+        along, length = ax * ey - ay * ex, abs(ex) + abs(ey)
+        sign = math.copysign(1.0, along)
+        along = sign * along
+        left, right = sign * (left_x * ey - left_y * ex), sign * (right_x * ey - right_y * ex)
+        off_left, off_right = sign * (ax * left_y - ay * left_x), sign * (ax * right_y - ay * right_x)
+        across = min(left, right)
+        inside = min(min(off_left, off_right), min(left - off_left, right - off_right))
+        inside = min(inside, min(along, across - along))
+        unit = reach * length
+        if inside > blur * (length + reach) and across > GRAZING * unit and along < depth * left:
+            only, depth = k, along / left
+            nx, ny, line = sign * ey / unit, -sign * ex / unit, along / unit
+    for j in range(count if only >= 0 else START):
+        k = places[j]
+        x, y = rows[AX, k] - px, rows[AY, k] - py
+        a = nx * x + ny * y - line
+        b = a + nx * rows[EX, k] + ny * rows[EY, k]
+        if k == only or min(a, b) > BEHIND:
+            continue
+        if b < a:
+            x, y = x + rows[EX, k], y + rows[EY, k]
+        aside = max(left_x * y - left_y * x, right_y * x - right_x * y) > ASIDE_M * reach
+        # it may begin on that line, beside the fan
+        if min(a, b) < -TOUCHING or max(a, b) < FAR_BEHIND or not aside:
+            return NONE
+    return only
 
 
 @inner_kernel

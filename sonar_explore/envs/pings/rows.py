@@ -21,10 +21,16 @@ from sonar_explore.envs.pings.arrays import (
     EX,
     EY,
     FOUND,
-    IS_CORNER,
     IS_ROUGH,
+    KIND,
     LANES,
+    OPENING,
     RIGHT_CORNER,
+    SX,
+    SY,
+    TX,
+    TY,
+    WEDGE_COLUMNS,
     WINDOW_COS,
     WINDOW_X,
     WINDOW_Y,
@@ -44,12 +50,9 @@ def fill_rows(things, near_walls, near_wedges, rows):  # type: ignore[no-untyped
     for k in range(len(near_walls), padded(len(near_walls))):
         rows[AX, k], rows[AY, k], rows[IS_ROUGH, k] = NOWHERE_M, 2.0 * NOWHERE_M, 0.0
         rows[EX, k], rows[EY, k] = 0.0, 0.0
-    for k in range(len(near_wedges)):
-        i = near_wedges[k]
-        rows[CX, k], rows[CY, k] = wedges[i, 0], wedges[i, 1]
-        rows[IS_CORNER, k] = 1.0 if wedges[i, 4] == RIGHT_CORNER else 0.0
-    for k in range(len(near_wedges), padded(len(near_wedges))):
-        rows[CX, k], rows[CY, k], rows[IS_CORNER, k] = NOWHERE_M, NOWHERE_M, 0.0
+    for k in range(padded(len(near_wedges))):
+        for column in range(WEDGE_COLUMNS):
+            rows[CX + column, k] = wedges[near_wedges[k], column] if k < len(near_wedges) else NOWHERE_M
 
 
 @inner_kernel
@@ -151,15 +154,23 @@ def find_feet(circle, gates, n, rows):  # type: ignore[no-untyped-def]
 
 @inner_kernel
 def find_wedges(circle, gates, corner_reach, edge_reach, n, rows):  # type: ignore[no-untyped-def]
-    """Wedges that the circle may see through its gates within reach: of corners and of edges, [m]."""
-    x, y, corner, found = rows[CX], rows[CY], rows[IS_CORNER], rows[FOUND]
+    """Wedges that open to the circle (2: surely to all of it), and that it may see through its gates within reach.
+
+    Reach: of corners, of edges, [m].
+    """
+    x, y, opening, kind, found = rows[CX], rows[CY], rows[OPENING], rows[KIND], rows[FOUND]
+    start_x, start_y, end_x, end_y = rows[SX], rows[SY], rows[TX], rows[TY]
     vx, vy, slack = circle.x, circle.y, circle.rho + EPS_M
     far_corner, far_edge = (corner_reach + slack) ** 2, (edge_reach + slack) ** 2
     for k in range(padded(n)):
         dx, dy = x[k] - vx, y[k] - vy
-        far = far_corner if corner[k] > 0.0 else far_edge
-        missed = (dx * dx + dy * dy > far) | shut(dx, dy, slack, gates)
-        found[k] = -1.0 if missed else 1.0
+        far = far_corner if kind[k] == RIGHT_CORNER else far_edge
+        # inside both are positive; one of them, where it opens more than half a turn
+        before, after = start_y[k] * dx - start_x[k] * dy, end_x[k] * dy - end_y[k] * dx
+        low, high = min(before, after), max(before, after)
+        inside = high if opening[k] > math.pi else low
+        missed = (inside < -slack) | (dx * dx + dy * dy > far) | shut(dx, dy, slack, gates)
+        found[k] = -1.0 if missed else (2.0 if inside > slack else 1.0)
 
 
 @inner_kernel

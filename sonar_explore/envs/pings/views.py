@@ -117,21 +117,6 @@ def _put(source, place, what, i, dx, dy, off, spread, circle, things, narrow, ea
 
 
 @inner_kernel
-def _opens(wedges, i, dx, dy, rho):  # type: ignore[no-untyped-def]
-    """Whether wedge i at (dx, dy) opens to all of a circle of radius rho (1), to none of it (-1), or to some (0)."""
-    distance = math.sqrt(dx * dx + dy * dy)
-    if distance <= 2.0 * rho + EPS_M:
-        return 0
-    turn = 1.1 * rho / distance + 1e-6  # more than asin(rho / distance) up to a half
-    inside = (math.atan2(-dy, -dx) - wedges[i, 2]) % (2.0 * math.pi)
-    if turn < inside < wedges[i, 3] - turn:
-        return 1
-    if wedges[i, 3] + turn < inside < 2.0 * math.pi - turn:
-        return -1
-    return 0
-
-
-@inner_kernel
 def mirror_view(w1, w2, circle, things, near, room, first, ear):  # type: ignore[no-untyped-def]
     """The sources that a ping from the circle may hear by way of mirror w1, and w2 (-1: no second): where they end."""
     walls, slack = things.walls, circle.rho + EPS_M
@@ -175,7 +160,10 @@ def view(circle, gates, edge_reach, things, near, room, n, narrow, ear):  # type
     find_wedges(circle, gates, ear.range_max, edge_reach, len(near.wedges), rows)
     for k in range(len(near.wedges)):
         if rows[FOUND, k] > 0.0:
-            n = _view_wedge(circle, near.wedges[k], things, source, ids, n, narrow, ear)
+            i = near.wedges[k]
+            ids[n, WHAT], ids[n, WHICH], ids[n, OPENS] = WEDGE, i, rows[FOUND, k] > 1.0
+            dx, dy = things.wedges[i, 0] - circle.x, things.wedges[i, 1] - circle.y
+            n += _put(source, n, WEDGE, i, dx, dy, 0.0, slack, circle, things, narrow, ear)
     for i in near.cylinders:
         ids[n, WHAT], ids[n, WHICH], ids[n, OPENS] = COLUMN, i, 0
         dx, dy = things.cylinders[i, 0] - circle.x, things.cylinders[i, 1] - circle.y
@@ -202,17 +190,6 @@ def _view_wall(circle, i, things, source, ids, n, narrow, ear):  # type: ignore[
     t = ((vx - ax) * ex + (vy - ay) * ey) / (ex * ex + ey * ey)
     sx, sy = ax + t * ex, ay + t * ey
     return n + _put(source, n, WALL, i, sx - vx, sy - vy, 0.0, 1e-6, circle, things, narrow, ear)
-
-
-@inlined_kernel
-def _view_wedge(circle, i, things, source, ids, n, narrow, ear):  # type: ignore[no-untyped-def]
-    wedges, slack = things.wedges, circle.rho + EPS_M
-    dx, dy = wedges[i, 0] - circle.x, wedges[i, 1] - circle.y
-    if not _put(source, n, WEDGE, i, dx, dy, 0.0, slack, circle, things, narrow, ear):
-        return n
-    opens = _opens(wedges, i, dx, dy, slack)
-    ids[n, WHAT], ids[n, WHICH], ids[n, OPENS] = WEDGE, i, opens
-    return n + (opens >= 0)
 
 
 @inner_kernel
