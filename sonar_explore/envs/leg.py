@@ -12,7 +12,7 @@ import numpy as np
 
 from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.envs.pings import fire_all
-from sonar_explore.envs.tick import ODOMETRY, OUTCOME, TRUE, drive_and_fire, mounted
+from sonar_explore.envs.tick import DISC, ODOMETRY, OUTCOME, TRUE, drive_a_tick, mounted
 from sonar_explore.planning.echoes import NORMALS_RAD, note_echoes
 from sonar_explore.planning.leg import (
     ARRIVED,
@@ -92,14 +92,15 @@ def drive(  # type: ignore[no-untyped-def]
             draws[k, 3] = rng.random()
         touching = False
         if move == GO:
-            touching = _go(state, robot, speed, rate, draws[0], mounts[disc], hearing, kinds, heard, progress)
+            touching = _go(state, robot, speed, rate, draws[0], mounts[disc], hearing, progress)
             _note(state, trues[ticks], odometries[done])
+            _copy(state[DISC], fired[0])
         else:
             rates = glance if move == GLANCE else same[:n]
             _turn(state, robot, rates, draws, mounts, disc, fired, trues[ticks:], odometries[done:])
-            fire_all(fired[:n], hearing[0], hearing[1], hearing[2], hearing[3], heard[:n], kinds[:n])
             progress[SINCE_GLANCE] = 0.0 if move == GLANCE else since
             progress[LISTENED] = 1.0 if move == LISTEN else listened
+        fire_all(fired[:n], hearing[0], hearing[1], hearing[2], hearing[3], heard[:n], kinds[:n])
         _take_in(
             heard[:n], draws, robot, disc, rings[done - 1 :], odometries[done - 1 :], belief, poses, spread
         )
@@ -113,15 +114,12 @@ def drive(  # type: ignore[no-untyped-def]
 
 
 @inner_kernel
-def _go(state, robot, speed, rate, draws, mount, hearing, kinds, heard, progress):  # type: ignore[no-untyped-def]
-    """One tick ahead; whether it touched a wall. The range goes into `heard`."""
+def _go(state, robot, speed, rate, draws, mount, hearing, progress):  # type: ignore[no-untyped-def]
+    """One tick ahead; whether it touched a wall."""
     forward, turn, true_forward, true_turn = _motion(speed, rate, draws, robot)
-    things, index, room, ear, _ = hearing
     radius, dt = robot[0][3], robot[0][2]
-    drive_and_fire(
-        state, forward, turn, true_forward, true_turn, radius, mount, things, index, room, ear, kinds
-    )
-    heard[0], touching = state[OUTCOME, 0], state[OUTCOME, 1] > 0.0
+    drive_a_tick(state, forward, turn, true_forward, true_turn, radius, mount, hearing[0], hearing[1])
+    touching = state[OUTCOME, 1] > 0.0
     progress[SINCE_GLANCE] += speed * dt
     progress[DRIVEN] += 0.0 if touching else abs(forward)
     return touching

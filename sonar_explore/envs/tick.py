@@ -16,9 +16,16 @@ TRUE, ODOMETRY, DISC, OUTCOME = range(4)
 def drive_and_fire(  # type: ignore[no-untyped-def]
     state, forward, turn, true_forward, true_turn, radius, mount, things, index, room, ear, kinds
 ):
+    """`drive_a_tick`; then the disc fires."""
+    drive_a_tick(state, forward, turn, true_forward, true_turn, radius, mount, things, index)
+    fire_all(state[DISC : DISC + 1], things, index, room, ear, state[OUTCOME, 0:1], kinds)
+
+
+@inner_kernel
+def drive_a_tick(state, forward, turn, true_forward, true_turn, radius, mount, things, index):  # type: ignore[no-untyped-def]
     """Move `state` on: the odometry records what was asked, the truth does what the wheels make of it.
 
-    At a wall the wheels stall: no way forward, but the robot can turn. Then the disc mounted like this fires.
+    At a wall the wheels stall: no way forward, but the robot can turn. The disc mounted like this goes with it.
     """
     true, odometry, disc, outcome = state[TRUE], state[ODOMETRY], state[DISC], state[OUTCOME]
     x, y, heading = _arc(true[0], true[1], true[2], true_forward, true_turn)
@@ -31,7 +38,6 @@ def drive_and_fire(  # type: ignore[no-untyped-def]
     true[0], true[1], true[2] = x, y, heading
     odometry[0], odometry[1], odometry[2] = _arc(odometry[0], odometry[1], odometry[2], forward, turn)
     mounted(true, mount, disc)
-    fire_all(state[DISC : DISC + 1], things, index, room, ear, outcome[0:1], kinds)
     outcome[1] = touching
 
 
