@@ -33,6 +33,11 @@ def inner_kernel(function: F) -> F:
     return _compiled(function, _nrt=False, no_cpython_wrapper=True)
 
 
+def inner_allocating_kernel(function: F) -> F:
+    """A kernel that makes arrays, and that other kernels call, nobody else."""
+    return _compiled(function, no_cpython_wrapper=True)
+
+
 def inlined_kernel(function: F) -> F:
     """An inner kernel that its callers take in whole: for those called from loops with many arrays to hand over."""
     return _compiled(function, _nrt=False, no_cpython_wrapper=True, forceinline=True)

@@ -252,7 +252,7 @@ def nearest_danger(pieces, count, x, y, c, s, ahead, room):  # type: ignore[no-u
     return found
 
 
-@lean_kernel
+@inner_kernel
 def glance_after(pieces, count, x, y, c, s, room, most):  # type: ignore[no-untyped-def]
     """How far the robot may go before it must glance again.
 

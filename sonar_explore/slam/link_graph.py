@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.compiled import kernel
+from sonar_explore.compiled import inner_allocating_kernel, kernel
 from sonar_explore.slam.association import Association
 from sonar_explore.slam.residuals import Residuals
 from sonar_explore.sums import dot, total
@@ -116,7 +116,7 @@ def _fitted(adr, ndr, normals, root_probability, angle_margin, distance_margin, 
     return angle, distance
 
 
-@kernel
+@inner_allocating_kernel
 def _angle_misfit(adr, margin, misfit):  # type: ignore[no-untyped-def]
     """|wrap(ADR_j - ADR_i)| / th, row i fitted, shape (n, n)."""
     n = len(adr)
@@ -127,7 +127,7 @@ def _angle_misfit(adr, margin, misfit):  # type: ignore[no-untyped-def]
             misfit[i, j] = abs(turn) / threshold
 
 
-@kernel
+@inner_allocating_kernel
 def _distance_misfit(ndr, normals, margin, misfit):  # type: ignore[no-untyped-def]
     """|d_j - d_i facing_ij| / th2, row i fitted by the shift -d_i n_i; facing_ij is the product of normals i and j."""
     n = len(ndr)
@@ -137,7 +137,7 @@ def _distance_misfit(ndr, normals, margin, misfit):  # type: ignore[no-untyped-d
             misfit[i, j] = abs(ndr[j] - ndr[i] * dot(normals[i], normals[j])) / threshold
 
 
-@kernel
+@inner_allocating_kernel
 def _best_pair(misfits, root_probability, fits, most):  # type: ignore[no-untyped-def]
     """The rows of the two fits that win: the pair, among those with `most` edges each, with most of them in common.
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
+from sonar_explore.compiled import inner_allocating_kernel, inner_kernel, kernel, lean_kernel
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array
 from sonar_explore.measurement import Scan
@@ -272,7 +272,7 @@ def _levers(lever_m, lever_rad, lever):  # type: ignore[no-untyped-def]
         lever[0], lever[1], lever[2] = FAR_M, 1.0, 2.0 * longest
 
 
-@kernel
+@inner_allocating_kernel
 def _runs_longest_first(bearings, ranges, lever_m, lever_rad, joined, tolerance, tie, runs, depths):  # type: ignore[no-untyped-def]
     """Constant runs that share no reading: the longest first, then the flattest, then the nearest: how many.
 

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
+from sonar_explore.compiled import inner_allocating_kernel, inner_kernel, lean_kernel
 from sonar_explore.geometry import Array, wrap_angle
 from sonar_explore.slam.kalman import HEADING, OWN, SIZE, TURN, X, Y
 from sonar_explore.slam.turn.heard import wrapped
@@ -187,7 +187,7 @@ def candidates(here, kinds, marks, reach, pairs):  # type: ignore[no-untyped-def
     return count
 
 
-@kernel
+@inner_allocating_kernel
 def best_pairs(expected, innovation, pairs, unmatched, most_steps, chosen):  # type: ignore[no-untyped-def]
     """Which pairs of point and landmark are true, into `chosen`: those that together are likeliest.
 

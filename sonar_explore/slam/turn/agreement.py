@@ -19,7 +19,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
+from sonar_explore.compiled import inner_allocating_kernel, inner_kernel, kernel, lean_kernel
 from sonar_explore.geometry import Array, Segment
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.features import (
@@ -199,7 +199,7 @@ def _cut(row, widest):  # type: ignore[no-untyped-def]
     row[X1], row[Y1], row[X2], row[Y2] = x + half * s, y - half * c, x - half * s, y + half * c
 
 
-@kernel
+@inner_allocating_kernel
 def _sort(rows):  # type: ignore[no-untyped-def]
     """By bearing; of equals the earlier stays first."""
     row = np.empty(rows.shape[1])
@@ -226,7 +226,7 @@ def _straightened(rows, error):  # type: ignore[no-untyped-def]
         rows[i, X2], rows[i, Y2] = c * x2 - s * y2, s * x2 + c * y2
 
 
-@kernel
+@inner_allocating_kernel
 def _thing(walls, rows, limits, thing, sums):  # type: ignore[no-untyped-def]
     """The wall or the point that the discs of these rows heard."""
     n = len(rows)

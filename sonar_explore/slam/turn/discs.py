@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from sonar_explore.compiled import inner_kernel, kernel
+from sonar_explore.compiled import inner_allocating_kernel, inner_kernel
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.sums import dot, total
 
@@ -55,7 +55,7 @@ def adds_to_turn(sweep, bearing, sums):  # type: ignore[no-untyped-def]
     sums[WEIGHT] += total(sweep)
 
 
-@kernel
+@inner_allocating_kernel
 def agreeing(distance, disc, order, least_discs, members, ends):  # type: ignore[no-untyped-def]
     """Rows of each thing that enough discs heard, one row a disc: what most discs heard first, then the closest.
 

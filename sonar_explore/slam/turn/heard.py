@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.compiled import inner_kernel, kernel
+from sonar_explore.compiled import inner_allocating_kernel, inner_kernel, kernel
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.measurement import Scan
 from sonar_explore.slam.ends import SLACK_RAD
@@ -166,7 +166,7 @@ def _note(out, first, at, rows, runs, k, kind, headings, bearings, disc, mounts)
     out[at, START], out[at, LENGTH] = runs[k, 0], runs[k, 1]
 
 
-@kernel
+@inner_allocating_kernel
 def _classify(rows, runs, kinds, count, bearings, ranges, limits):  # type: ignore[no-untyped-def]
     """What each region is heard as, -1 for nothing; ends that something hides are put where they would be."""
     n, step = len(ranges), _usual_step(bearings)
@@ -213,7 +213,7 @@ def full_turn(headings, bearings):  # type: ignore[no-untyped-def]
     return reached + math.copysign(_usual_step(bearings), reached)
 
 
-@kernel
+@inner_allocating_kernel
 def _usual_step(bearings):  # type: ignore[no-untyped-def]
     """Median of the angles between two readings."""
     n = len(bearings) - 1

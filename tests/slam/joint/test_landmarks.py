@@ -161,7 +161,7 @@ def test_no_other_set_of_pairs_is_likelier(seed, points, landmarks):
     root = rng.normal(size=(2 * len(pairs), 3))
     expected = root @ root.T + np.eye(2 * len(pairs))
     innovation, chosen = rng.normal(0, 2, 2 * len(pairs)), np.ones(len(pairs), dtype=bool)
-    best_pairs(expected, innovation, pairs, 4.0, 100_000, chosen)
+    way_in(best_pairs)(expected, innovation, pairs, 4.0, 100_000, chosen)
     assert len(set(pairs[chosen, 0])) == len(set(pairs[chosen, 1])) == np.count_nonzero(chosen)
     if len(pairs):
         rows = np.flatnonzero(np.repeat(chosen, 2))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from plain_agreement import plain_extraction, plain_things
 from synthetic import ROBOT, scan_room
+from way_in import way_in
 
 from sonar_explore.envs.load import load_world
 from sonar_explore.envs.simulator import Simulator, SimulatorConfig
@@ -129,7 +130,7 @@ def test_things_are_grouped_as_the_plain_form_does(seed):
     distance = np.where((off <= 1.0).all(axis=2), off.sum(axis=2), np.inf)
     disc, members, ends = np.sort(rng.integers(0, 8, n)), np.empty(n, np.int64), np.empty(n, np.int64)
     expected = plain_things(distance, disc, near[:, 0], ALL.discs_min)
-    count = agreeing(distance, disc, near[:, 0], float(ALL.discs_min), members, ends)
+    count = way_in(agreeing)(distance, disc, near[:, 0], float(ALL.discs_min), members, ends)
     found = [rows.tolist() for rows in np.split(members, ends[:count])[:count]]
     assert found == expected
     assert found or n < 40
