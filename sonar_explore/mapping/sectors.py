@@ -273,7 +273,7 @@ def _sectors_of_cells(rows, columns, frame, place, n, window, turns, unsure, sec
                 unsure[waiting, 0], unsure[waiting, 1] = r, c
                 waiting += 1
             sectors[r, c] = b
-    for k in range(waiting):  # not in the loop above: compiled, that would ask for `atan2` of every cell
+    for k in range(waiting):  # not in the loop above: with this in it that took many times as long
         r, c = unsure[k, 0], unsure[k, 1]
         dx, dy = x0 + (c0 + c + 0.5) * resolution - x, y0 + (r0 + r + 0.5) * resolution - y
         sectors[r, c] = int(math.floor((math.atan2(dy, dx) - heading) / (2.0 * math.pi) * n)) % n
