@@ -20,7 +20,7 @@ MAY_BE_ZERO = (
     *("wall_margin_m", "continuation_rad", "pivot_m", "pivot_turn_rad", "trim_m", "sure_m", "still_m"),
     *("goes_on_m", "on_line_m"),
     *("point_weight", "core_weight", "fresh_scans", "fresh_weight", "body_weight"),
-    *("margin_m", "comfort_weight", "speck_m2", "unknown_credit_m", "escape_m"),
+    *("margin_m", "comfort_weight", "blind_weight", "speck_m2", "unknown_credit_m", "escape_m"),
     *("least_room_m", "chain_grows_m", "least_area_m2", "area_per_m", "enough_m2", "apart_m"),
     *("brake_m", "side_m", "glance_rad"),
 )

@@ -25,6 +25,7 @@ from sonar_explore.slam import Chain, ScanUpdate, Slam
 
 MIN_FRONTIER_M = 0.15
 MAX_REPLANS = 4
+BLIND_LEGS = 3.0  # times as long a leg may be where no scan on the way would hear a wall
 DETOUR = 1.5  # times as long a way is taken on the map that is believed, before one through doubted walls
 BACK_OFF_M_S, BACK_OFF_TICKS = 0.1, 20
 
@@ -197,10 +198,17 @@ class Explorer:
         driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
         cells = self.grid.frame.cells(points)
         room = self._finder.roomy(self.grid, cells)
-        fit = np.flatnonzero(room & (driven >= 0.5 * longest) & (driven <= 1.5 * longest))
-        if not len(fit):
+        fit = np.flatnonzero(room & (driven >= 0.5 * longest) & (driven <= BLIND_LEGS * longest))
+        usual = fit[driven[fit] <= 1.5 * longest]
+        if not len(usual):
             return path
-        stop = fit[np.argmin(np.abs(driven[fit] - longest))]
+        # a scan that hears no wall is a full turn for nothing: the heading loses by it
+        hears = self.grid.to_walls_m[cells[:, 0], cells[:, 1]] <= self._config.planning.blind_m
+        if hears[usual].any():
+            usual = usual[hears[usual]]
+            stop = usual[np.argmin(np.abs(driven[usual] - longest))]
+        else:
+            stop = fit[np.argmax(hears[fit])] if hears[fit].any() else fit[-1]
         corners = path[: np.searchsorted(np.cumsum(np.hypot(*np.diff(path, axis=0).T)), driven[stop]) + 1]
         return np.vstack([corners, points[stop : stop + 1]])
 

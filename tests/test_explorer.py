@@ -150,6 +150,17 @@ def test_a_long_way_is_driven_in_legs():
     assert robot.contacts == touches == 0
 
 
+@pytest.mark.parametrize(("wall_m", "stop_m"), [(1.0, 1.5), (4.5, 2.7), (9.0, 4.5)])
+def test_a_leg_ends_where_a_scan_hears_a_wall_or_after_three_where_none_would(wall_m, stop_m):
+    _, explorer = explorer_in()
+    states = np.full((100, 200), FREE, dtype=np.uint8)
+    states[:, round(wall_m / 0.05)] = OCCUPIED
+    states[45:55, round(wall_m / 0.05)] = FREE  # a door
+    explorer._surroundings._grids[False] = OccupancyGrid(GridFrame(0.0, 0.0, 0.05, states.shape), states)
+    leg = explorer._first_leg(np.array([[0.0, 2.5], [9.9, 2.5]]))
+    assert leg[-1] == pytest.approx([stop_m, 2.5], abs=0.3)
+
+
 def test_a_place_that_cannot_be_got_to_is_put_aside():
     _, explorer = explorer_in(wrap=Stuck)
     explorer.look()

@@ -42,6 +42,7 @@ LINK_SHARE = (
 )
 LINK_LEAST_M = 3.0  # [m], and so much more: where the pose is off, every scan leaves chains that dangle
 RETRACES = 4  # times that the way it came may turn out shut: it has moved with poses that were corrected
+CUT_OFF_M2 = 1.0  # [m2] of room that only the way it came leads to: the map shuts what was open
 SAME_PLACE_M = 0.05  # nearer to a place put aside is that place: elsewhere the robot has stood
 SHUT_NEAR_M = 1.5  # stopped farther from a place than this, the way was shut and not the place
 
@@ -113,9 +114,10 @@ class Offers:
             candidates = candidates or self._doubted_walls(pose, far_m)
             candidates = candidates or self._before_the_end(pose)
             candidates = candidates or self._second_chance(pose)
-            candidates = candidates or (self._back_out(pose) if hemmed_in else ())
+            if not candidates and (hemmed_in or self._is_cut_off(pose)):
+                candidates = self._back_out(pose)
         if not candidates:
-            self.gave_up = self._is_kept_from_something(pose)
+            self.gave_up = self._is_kept_from_something(pose) or self._is_cut_off(pose)
             candidates = self._close_a_loop(pose)
         return candidates
 
@@ -243,6 +245,16 @@ class Offers:
         self._surroundings.daring = False
         paths = self._surroundings.paths(pose)
         return bool(2 * paths.within.sum() < (paths.room_m >= paths.least_room_m).sum())
+
+    def _is_cut_off(self, pose: Pose) -> bool:
+        """Whether the way it came leads to room that no other way does, however daring: something that is not there
+        is drawn across it."""
+        here = self._surroundings
+        here.daring, reached = True, []
+        for here.retracing in (False, True):
+            reached.append(int(here.paths(pose).within.sum()))
+        here.retracing = False
+        return (reached[1] - reached[0]) * here.resolution_m**2 >= CUT_OFF_M2
 
     def _back_out(self, pose: Pose) -> tuple[Candidate, ...]:
         """Where most of the map is cut off: places that the way it came leads to, whatever is drawn across it."""

@@ -33,6 +33,11 @@ class PlanningConfig:
     """Distance from walls below which a path costs more, [m]."""
     comfort_weight: float = 6.0
     """How many times dearer a cell at the least room is than one in the open."""
+    blind_m: float = 1.8
+    """Where so much to all sides is known to be free, a scan hears no wall, [m]: what the heading loses there no wall
+    gives back, so a path costs more,"""
+    blind_weight: float = 0.5
+    """by so much of its length."""
     speck_m2: float = 0.05
     """Unknown specks up to this size inside free space do not shut it, [m2]."""
     leg_m: float = 1.5
@@ -82,7 +87,7 @@ class SafePaths:
         self.room_m, self._cell_costs = ground.of(grid)
         """Distance of each cell to the nearest cell that is not free, shape (rows, columns), [m]; where paths lead.
         Holds until the next map is planned on, as all of this does (`OccupancyGrid.kept`)."""
-        dearest = 1.0 + 2.0 * config.comfort_weight
+        dearest = 1.0 + max(2.0 * config.comfort_weight, config.blind_weight)
         if self.room_m[start] < self.least_room_m:
             leave = _escape_zone(grid, start, config.escape_m) & (self.room_m < self.least_room_m)
             self._cell_costs = self._cell_costs.copy()
@@ -222,7 +227,7 @@ class _Ground:
             self._room = np.empty(careful.shape)
             self._costs = np.full((careful.shape[0] + 2, careful.shape[1] + 2), np.inf)
         room = self._room = self._room if self._daring else careful
-        limits = self._least, config.comfort_m, config.comfort_weight
+        limits = self._least, config.comfort_m, config.comfort_weight, config.blind_m, config.blind_weight
         for changed in self._changed:
             sources = careful, to_walls, self._daring, config.unknown_credit_m, half_cell_m
             _fill_costs(*sources, changed.take(), *limits, room, self._costs)
@@ -291,9 +296,22 @@ def _along(frame: GridFrame, way: Array) -> Mask:
 
 @kernel
 def _fill_costs(  # type: ignore[no-untyped-def]
-    careful, to_walls, daring, credit, half_cell, spans, least, comfort, weight, room, costs
+    careful,
+    to_walls,
+    daring,
+    credit,
+    half_cell,
+    spans,
+    least,
+    comfort,
+    weight,
+    blind,
+    blind_weight,
+    room,
+    costs,
 ):
-    """Of the cells of the spans, 1 in the open, the more the less room, inf where there is too little."""
+    """Of the cells of the spans, 1 in the open, the more the less room, and where walls are far; inf where there is too
+    little room."""
     for row in range(len(spans)):
         for column in range(spans[row, 0], spans[row, 1] + 1):
             if daring:
@@ -302,6 +320,8 @@ def _fill_costs(  # type: ignore[no-untyped-def]
             if here >= least:
                 lack = min(1.0, max(0.0, (comfort - here) / (comfort - least)))
                 cost = 1.0 + weight * (lack * lack)
+                if careful[row, column] > blind:
+                    cost += blind_weight
             costs[row + 1, column + 1] = cost
 
 

@@ -13,6 +13,7 @@ from sonar_explore.planning.candidates import Candidate
 from sonar_explore.planning.driving import DriveEnd
 from sonar_explore.planning.offers import (
     BEHIND_M2,
+    CUT_OFF_M2,
     DOOR_M2,
     DOUBTS,
     DOUBTS_AGAIN_AFTER_M2,
@@ -44,6 +45,8 @@ class Land:
     retracing = False
     retraced = False
     """Whether the way that the robot came leads there."""
+    only_by_track_m2 = 0.0
+    """Room that nothing but the way it came leads to."""
     behind_m2 = 2.0
     """What is free behind each place, and no safe way leads to."""
     resolution_m = 0.05
@@ -63,8 +66,11 @@ class Land:
         return [(at.x + self.correction_m, at.y) for _, at in anchored]
 
     def paths(self, pose, within_m=np.inf):
-        within = np.array([not self.shut_in])
-        return SimpleNamespace(within=within, room_m=np.ones(1), least_room_m=0.2, within_m=within_m)
+        beyond = round(self.only_by_track_m2 / self.resolution_m**2)
+        within = np.array([not self.shut_in] + beyond * [self.retracing])
+        return SimpleNamespace(
+            within=within, room_m=np.arange(len(within)) < 1, least_room_m=0.2, within_m=within_m
+        )
 
     def near_paths(self, pose, within_m):
         return self.paths(pose, within_m)
@@ -207,6 +213,18 @@ def test_who_is_not_shut_in_does_not_drive_through_what_the_map_draws(retraced):
     offers = offers_in(land)
     offers._doubts, offers._free_m2_at_doubts = 0, land.free_m2
     assert offers.now(HERE) == ()
+
+
+@pytest.mark.parametrize("room_m2", [0.0, 0.5 * CUT_OFF_M2, 2.0 * CUT_OFF_M2])
+def test_where_its_own_way_is_shut_on_the_map_it_is_driven_back_and_nothing_is_called_explored(room_m2):
+    land = Land(place(9.0, 0.0, 20.0))
+    land.retraced, land.only_by_track_m2 = True, room_m2
+    offers = offers_in(land)
+    offers._doubts, offers._free_m2_at_doubts = 0, land.free_m2
+    cut_off = room_m2 >= CUT_OFF_M2
+    assert bool(offers.now(HERE)) == land.retracing == cut_off
+    land.version, land.retraced = land.version + 1, False
+    assert offers.now(HERE) == () and offers.gave_up == cut_off
 
 
 def test_a_robot_that_is_shut_in_dares_any_way_out():

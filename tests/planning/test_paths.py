@@ -1,6 +1,7 @@
 # mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """A path never touches what is not known to be free, and keeps its room."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -158,6 +159,20 @@ def test_a_path_keeps_to_the_middle_of_a_corridor():
     assert path is not None
     middle = path[np.abs(path[:, 0] - 0.9) < 1.0, 1]
     assert np.abs(middle - 2.0).max() <= 0.1  # begun a quarter of a metre off it
+
+
+@pytest.mark.parametrize(("weight", "within_hearing"), [(CONFIG.blind_weight, True), (1e-6, False)])
+def test_a_way_across_a_hall_keeps_within_hearing_of_a_wall_where_that_is_little_longer(
+    weight, within_hearing
+):
+    frame = GridFrame(0.0, 0.0, 0.05, (160, 240))
+    states = np.full(frame.shape, FREE, dtype=np.uint8)
+    states[[0, -1]] = states[:, [0, -1]] = OCCUPIED
+    config = replace(CONFIG, blind_weight=weight)
+    path = SafePaths(OccupancyGrid(frame, states), 1.0, 2.3, BODY_M, config).to(11.0, 2.3)
+    assert path is not None
+    on_the_way = path[np.abs(path[:, 0] - 6.0) < 3.0, 1]
+    assert (on_the_way.max() <= CONFIG.blind_m + 0.1) == within_hearing
 
 
 def test_specks_of_unknown_do_not_shut_free_space_but_walls_of_one_cell_do():
