@@ -21,8 +21,8 @@ BEGUN_WITH = (
     "sonar_explore.envs.",
 )
 """What the second process compiles first, so what stands last: a third of the longest of all, which the run needs soon;
-steps that are made of the same kernels; one that takes as long as the leg; and the leg, made of the kernels of the
-pings, which are there by then."""
+steps that are made of the same kernels; how the covariance spreads; and the leg, made of the kernels of the pings, that
+are there by then."""
 
 
 def main() -> None:
