@@ -250,11 +250,12 @@ class Offers:
         """Whether the way it came leads to room that no other way does, however daring: something that is not there
         is drawn across it."""
         here = self._surroundings
-        here.daring, reached = True, []
-        for here.retracing in (False, True):
-            reached.append(int(here.paths(pose).within.sum()))
+        here.daring = True
+        cells = int(here.paths(pose).within.sum())
+        here.retracing = True
+        more = int(here.paths(pose).within.sum()) - cells
         here.retracing = False
-        return (reached[1] - reached[0]) * here.resolution_m**2 >= CUT_OFF_M2
+        return more * here.resolution_m**2 >= CUT_OFF_M2
 
     def _back_out(self, pose: Pose) -> tuple[Candidate, ...]:
         """Where most of the map is cut off: places that the way it came leads to, whatever is drawn across it."""
