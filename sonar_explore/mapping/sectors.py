@@ -14,11 +14,8 @@ from sonar_explore.mapping.grid import FREE, OCCUPIED, UNKNOWN, GridFrame, Mask,
 
 Counts = NDArray[np.int32]
 _HAIR_M2 = 1e-9  # nearer than this to the square of a limit the exact distance decides
-_SECTOR, _CLEARED, _CORE = (
-    0x3FFF,
-    14,
-    15,
-)  # of what is kept of a cell: its sector, and the bits of what counts it
+# of what is kept of a cell: its sector, and the bits of what counts it
+_SECTOR, _CLEARED, _CORE = 0x3FFF, 14, 15
 _RIM = 0.01  # nearer than this share of a sector of 1 degree to its rim the exact angle decides
 
 

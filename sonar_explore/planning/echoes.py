@@ -18,15 +18,11 @@ from sonar_explore.geometry import Array, Pose
 
 HEARD_WITHIN_M = 0.8  # a wall farther away is no danger yet
 HALF_LENGTH_M = 0.25  # of the piece of wall that an echo stands for
-NORMALS_RAD = (
-    -math.radians(8.0),
-    0.0,
-    math.radians(8.0),
-)  # off the axis: a plane is heard over 12 degrees or so
+# off the axis: a plane is heard over 12 degrees or so
+NORMALS_RAD = -math.radians(8.0), 0.0, math.radians(8.0)
 POINT_WITHIN_M = 0.12  # across the axis from an edge or a corner on the map, an echo may be its,
-POINT_HEARD_M = (
-    0.06  # as far as an edge is heard aside and the map is wrong by this; as far along the axis as well
-)
+# as far as an edge is heard aside and the map is wrong by this; as far along the axis as well
+POINT_HEARD_M = 0.06
 EDGE_HEARD_RAD = math.radians(12.0)  # off the axis, from near by (`beam.Beam`)
 SCRAPE_M = 0.02  # nearer than the room to keep by this, going along a wall is too near as well
 KEPT_M = 1.0  # echoes farther from the robot are forgotten

@@ -37,9 +37,8 @@ LOOP_GOAL_M = 0.3  # nearer to where two of them went, none is sent any more
 FAR_SHARE = 0.05  # of the way driven may be spent on daring and doubts farther off: they seldom find much;
 FAR_LEAST_M = 8.0  # [m], and so much from each find on: a room may be left behind a door that looks shut;
 FAR_FIND_SHARE = 0.1  # or, where that is more, so much of the way driven till then
-LINK_SHARE = (
-    0.05  # of the way driven may be spent on meeting dangling chains where nothing new is to be seen,
-)
+# of the way driven may be spent on meeting dangling chains where nothing new is to be seen,
+LINK_SHARE = 0.05
 LINK_LEAST_M = 3.0  # [m], and so much more: where the pose is off, every scan leaves chains that dangle
 RETRACES = 4  # times that the way it came may turn out shut: it has moved with poses that were corrected
 CUT_OFF_M2 = 1.0  # [m2] of room that only the way it came leads to: the map shuts what was open

@@ -26,10 +26,8 @@ SPARE_M = 0.15
 LEAF_M = 0.04
 """Thickness of the leaf of a door, [m]."""
 _BODY_M = AmigoBot.radius_m + SPARE_M
-_COARSE, _FINE = (
-    3,
-    32,
-)  # pieces of a quarter turn: to see whether a way is left, and to measure how wide it is
+# pieces of a quarter turn: to see whether a way is left, and to measure how wide it is
+_COARSE, _FINE = 3, 32
 _GRID_M = 0.001
 _GAP_M = 0.02
 _MOST_ATTEMPTS = 50

@@ -23,10 +23,8 @@ WIDEST_RAD = math.radians(80.0)
 FAN_RAD = math.radians(4.0)  # between the rays that look for mirrors, of the AmigoBot's beam
 TOGETHER_M = 0.5  # discs in a box of this size share their views
 EPS_M = 1e-5  # margin of every test that leaves something out: rounding is a millionth of it
-NONE, START = (
-    np.int64(-1),
-    np.int64(0),
-)  # plain numbers handed to a kernel would be compiled apart, as constants
+# plain numbers handed to a kernel would be compiled apart, as constants
+NONE, START = np.int64(-1), np.int64(0)
 WIDE = np.bool_(False)
 VIEWS = 256
 CELLS = 4  # of 1 m, that a box of `TOGETHER_M` may touch

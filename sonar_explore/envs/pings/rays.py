@@ -16,9 +16,8 @@ from sonar_explore.envs.pings.geometry import crossing, mirrored_heading
 from sonar_explore.envs.pings.rows import find_met, listed
 
 UNSURE = -2
-GRAZING = (
-    1e-3  # rays that meet a wall at a smaller angle [rad] are not sure: their place on it is not known well
-)
+# rays that meet a wall at a smaller angle [rad] are not sure: their place on it is not known well
+GRAZING = 1e-3
 # shares of a ray's length by which a wall surely lies behind another, or far behind it, or touches its line;
 # and how far beside the fan it then does:
 BEHIND, FAR_BEHIND, TOUCHING, ASIDE_M = 1e-5, 1e-2, 1e-9, 1e-3

@@ -14,10 +14,8 @@ def eliminated(starts, factors, ends, rows, order, rank, dims, touched, layout, 
     """Blocks of columns of the touched variables, and of those above them in the tree, which are touched then: each
     from its factors less what those before it have in its rows."""
     n = len(rank)
-    waiting, after = (
-        np.full(n, -1),
-        np.empty(n, dtype=np.int64),
-    )  # by variable, the blocks whose next rows are its
+    # by variable, the blocks whose next rows are its
+    waiting, after = np.full(n, -1), np.empty(n, dtype=np.int64)
     upto, row = np.zeros(n, dtype=np.int64), np.empty(n, dtype=np.int64)
     place, goes = np.zeros(n, dtype=np.int64), np.empty(4 * n + 4, dtype=np.uint64)
     for p in range(len(order)):

@@ -9,10 +9,8 @@ from sonar_explore.slam.smoothing.factor_graph import FactorKind
 
 START, ROBOT, TURN, ODOMETRY, LINE, POINT, COLUMN, RADIUS = (int(kind) for kind in FactorKind)
 HUBER, CAUCHY = 1.5, 2.0  # sigmas
-FREE_M, FREE_RAD = (
-    1.0,
-    3.0,
-)  # sigmas by a motion of [m], [rad] that says nothing; a wall heard well has some 70 and 200
+# sigmas by a motion of [m], [rad] that says nothing; a wall heard well has some 70 and 200
+FREE_M, FREE_RAD = 1.0, 3.0
 FIRMLY = 1e4  # one over the standard deviation of where the first scan stands, [1/m] and [1/rad]
 
 
