@@ -1,6 +1,6 @@
 """Draw an episode as one picture: the one in the README.
 
-sonar-explore run paper/rooms --seed 2 --out runs/readme
+sonar-explore run paper/rooms --out runs/readme
 python docs/picture.py runs/readme/episode.json docs/episode.png
 """
 
@@ -49,9 +49,9 @@ def draw(record: EpisodeRecord) -> plt.Figure:
         f"{100 * summary.explored_fraction:.0f} % explored",
         fontsize=10,
     )
-    walls = np.array(record.world.walls).reshape(-1, 2)
-    axes.set_xlim(walls[:, 0].min() - 0.6, walls[:, 0].max() + 0.6)
-    axes.set_ylim(walls[:, 1].min() - 0.6, walls[:, 1].max() + 0.6)
+    drawn = np.array([*record.world.walls, *links]).reshape(-1, 2)
+    axes.set_xlim(drawn[:, 0].min() - 0.4, drawn[:, 0].max() + 0.4)
+    axes.set_ylim(drawn[:, 1].min() - 0.4, drawn[:, 1].max() + 0.4)
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     axes.legend(loc="lower left", fontsize=8)
     return figure

@@ -26,6 +26,8 @@ NARROWER_M = 0.15
 """A passage leaves a disc this much less than the places on both sides, in radius, [m]."""
 ROOMY_M = 0.50
 """Passages lead from one place with this much room to another; gaps under a table do not count, [m]."""
+LEAST_CLOSED_OFF_M2 = 0.5
+"""Less that walls keep the robot out of is furniture, [m2]."""
 _MOST_CROSSINGS = 500_000
 _SAMPLE = 200
 
@@ -47,6 +49,8 @@ class Survey:
     """x y width of the narrow places between roomier ones, shape (n, 3), the narrowest first, [m]."""
     loops: int
     """Blocks of 1 m2 or more that the robot can drive round."""
+    closed_off_m2: tuple[float, ...]
+    """Where the robot's centre would have room, but walls all round keep it out, largest first, [m2]."""
     closed: bool
     """Whether walls enclose the start."""
     warnings: tuple[str, ...]
@@ -84,6 +88,7 @@ def survey(world: World) -> Survey:
         reached_area_m2=reached_m2,
         passages=passages,
         loops=rounds,
+        closed_off_m2=_closed_off(room, reachable),
         closed=closed,
         warnings=_warnings(world, room, reachable, free_m2, reached_m2, closed),
     )
@@ -110,6 +115,16 @@ def _areas(world: World, room: Room, reachable: Mask) -> tuple[float, float, int
     swept = centres[0].buffer(AmigoBot.radius_m, quad_segs=8).intersection(free)
     blocks = [shapely.Polygon(ring).area for ring in centres[0].interiors]
     return float(free.area), float(swept.area), sum(area >= LEAST_BLOCK_M2 for area in blocks)
+
+
+def _closed_off(room: Room, reachable: Mask) -> tuple[float, ...]:
+    """Areas that the robot would fit in and that neither it nor the outside can get to, largest first, [m2]."""
+    labels, _ = ndimage.label((room.clearance >= AmigoBot.radius_m) & ~reachable)
+    area = np.bincount(labels.ravel()) * room.cell_m**2
+    area[0] = 0.0
+    for rim in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+        area[rim] = 0.0
+    return tuple(np.sort(area[area >= LEAST_CLOSED_OFF_M2])[::-1].tolist())
 
 
 def _free_polygon(world: World) -> shapely.Polygon | None:
@@ -233,6 +248,7 @@ def as_json(world: World, found: Survey) -> dict[str, object]:
         "narrowest_passage_m": None if found.narrowest_m is None else round(found.narrowest_m, 3),
         "has_loop": bool(world.has_loop),
         "loops": found.loops,
+        "closed_off_m2": [round(m2, 2) for m2 in found.closed_off_m2],
         "closed": found.closed,
         "warnings": list(found.warnings),
     }
@@ -254,6 +270,15 @@ def as_text(world: World, found: Survey) -> str:
             f"{found.doors} no wider than {DOOR_MAX_M:.1f} m; the narrowest of all: {narrowest}",
         ),
         ("loops", str(found.loops)),
+        *_closed_off_row(found),
         *(("warning", warning) for warning in found.warnings),
     ]
     return "\n".join([f"{world.name}: {world.title}", *(f"  {label:16s}{value}" for label, value in rows)])
+
+
+def _closed_off_row(found: Survey) -> list[tuple[str, str]]:
+    if not found.closed_off_m2:
+        return []
+    pieces, each = len(found.closed_off_m2), ", ".join(f"{m2:.1f}" for m2 in found.closed_off_m2[:5])
+    more = "" if pieces <= 5 else ", ..."
+    return [("closed off", f"{each}{more} m2 that the robot would fit in: solid, or a room without a door?")]

@@ -16,7 +16,7 @@ from world_files import MAP, ROOM, SVG, TOML, YAML, error_of, map_image, written
 from sonar_explore.envs import world as worlds
 from sonar_explore.envs.load import load_world
 from sonar_explore.envs.readers.toml_world import world_schema
-from sonar_explore.envs.survey import survey
+from sonar_explore.envs.survey import as_text, survey
 from sonar_explore.envs.world import World
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Pose
@@ -135,3 +135,14 @@ def test_real_plans_cut_short_are_worlds_or_one_line(tmp_path: Path, plan: str) 
     data = (Path(DATA) / "plans" / plan).read_bytes()
     for end in range(0, len(data), max(1, len(data) // 40)):
         read_or_refused(written(tmp_path, "cut" + Path(plan).suffix, data[:end]))
+
+
+def test_a_room_without_a_door_is_named_and_the_outside_is_not(tmp_path: Path) -> None:
+    box = "[[wall]]\nclosed = true\npoints = [[0, 0], [5, 0], [5, 4], [0, 4]]\n"
+    start = "title = 'room'\n[start]\nx = 1.0\ny = 1.0\n"
+    one = load_world(written(tmp_path, "one.toml", start + box))
+    two = load_world(written(tmp_path, "two.toml", start + box + "[[wall]]\npoints = [[3, 0], [3, 4]]\n"))
+    assert survey(one).closed_off_m2 == ()
+    room_m2 = (2.0 - 2 * 0.18) * (4.0 - 2 * 0.18)  # where the middle of the body has room
+    assert survey(two).closed_off_m2 == pytest.approx((room_m2,), rel=0.1)
+    assert "a room without a door?" in as_text(two, survey(two))
