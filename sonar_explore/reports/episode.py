@@ -70,7 +70,7 @@ def tiles(summary: Summary) -> list[tuple[str, str, str]]:
     wall_error = "no occupied cell" if summary.wall_error_m is None else f"{summary.wall_error_m:.3f} m off"
     loop = [] if summary.loop_closed is None else [("Loop", "closed" if summary.loop_closed else "open", "")]
     return [
-        ("Explored", f"{100 * summary.explored_fraction:.1f} %", "in sight of where it scanned, truly"),
+        ("Explored", f"{100 * summary.explored_fraction:.1f} %", "in sight of its true scans"),
         (
             "Final position error",
             f"{position.final:.3f} m",
