@@ -76,9 +76,8 @@ class Beside:
         if self.process is None:
             run = (self.kernels, self.begun, self.owner)
             process = get_context("fork").Process(target=_compile, args=run, daemon=True)
-            with contextlib.suppress(
-                OSError
-            ):  # no more processes, no more memory: the run is slower, that is all
+            # no more processes, no more memory: the run is slower, that is all
+            with contextlib.suppress(OSError):
                 process.start()
                 self.process = process
 

@@ -21,9 +21,8 @@ from sonar_explore.geometry import Array
 
 SNAP_M = 0.001  # ends closer than this are one vertex
 CELL_M = 1.0
-_CORNER_TOLERANCE_RAD = math.radians(
-    6.0
-)  # a dihedral off by this turns the beam by twice as much: half a beam
+# a dihedral off by this turns the beam by twice as much: half a beam
+_CORNER_TOLERANCE_RAD = math.radians(6.0)
 _EDGE_OPENING_RAD = math.radians(200.0)
 
 

@@ -27,7 +27,7 @@ NARROWER_M = 0.15
 ROOMY_M = 0.50
 """Passages lead from one place with this much room to another; gaps under a table do not count, [m]."""
 LEAST_CLOSED_OFF_M2 = 0.5
-"""Less that walls keep the robot out of is furniture, [m2]."""
+"""Less than that is the inside of furniture, [m2]."""
 _MOST_CROSSINGS = 500_000
 _SAMPLE = 200
 

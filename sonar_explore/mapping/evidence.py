@@ -43,10 +43,6 @@ class Rows:
             self._first[scan + 1 :] += more
         self._held[self._first[scan] : self._first[scan + 1]] = rows
 
-    def replace(self, scan: int, rows: Array | tuple[float, ...]) -> None:
-        """As many instead of those of before."""
-        self._held[self._first[scan] : self._first[scan + 1]] = rows
-
     def _make_room(self, more: int) -> None:
         """For one scan, and for so many rows."""
         if self._scans + 2 > len(self._first):
@@ -86,38 +82,25 @@ class Evidence:
             self._put(i, poses[i], looks[i])
 
     def _put(self, scan: int, pose: Pose, look: Look) -> None:
-        if scan < len(self.poses) and look is self._looks[scan]:
-            self._move(scan, pose)
-            return
+        new = scan == len(self.poses) or look is not self._looks[scan]
         self.believed_at.put(scan, np.array([[pose.x, pose.y]]))
         self._believed[scan : scan + 1] = [pose]
         if scan < len(self.poses) and self._is_still(self.poses[scan], pose):
+            if not new:
+                return
             pose = self.poses[scan]
         self.poses[scan : scan + 1] = [pose]
-        self._looks[scan : scan + 1] = [look]
         self.at.put(scan, np.array([pose.as_row()]))
-        self.clear_m.put(scan, look.clear_m[None])
-        self.core_m.put(scan, look.core_m[None])
-        self.reach_m.put(scan, np.array([[look.reach_m]]))
+        if new:
+            self._looks[scan : scan + 1] = [look]
+            self.clear_m.put(scan, look.clear_m[None])
+            self.core_m.put(scan, look.core_m[None])
+            self.reach_m.put(scan, np.array([[look.reach_m]]))
         placed, begin = pose.transform(look.outline), 0
         for rows, own in zip(self._kinds, look.kinds, strict=True):
-            end = begin + own.size // 2
-            rows.put(scan, placed[begin:end].reshape(own.shape))
-            begin = end
-
-    def _move(self, scan: int, pose: Pose) -> None:
-        """The scan says what it said, from elsewhere."""
-        self.believed_at.replace(scan, (pose.x, pose.y))
-        self._believed[scan] = pose
-        if self._is_still(self.poses[scan], pose):
-            return
-        self.poses[scan], look = pose, self._looks[scan]
-        self.at.replace(scan, pose.as_row())
-        placed, begin = pose.transform(look.outline), 0
-        for rows, own in zip(self._kinds, look.kinds, strict=True):
-            if len(own):
+            if new or len(own):
                 end = begin + own.size // 2
-                rows.replace(scan, placed[begin:end].reshape(own.shape))
+                rows.put(scan, placed[begin:end].reshape(own.shape))
                 begin = end
 
     def _is_still(self, placed: Pose, pose: Pose) -> bool:

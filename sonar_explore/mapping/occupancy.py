@@ -219,9 +219,8 @@ class OccupancyMapper:
     def _evidence_of(self, frame: GridFrame, found: _Walls, doubtful: bool) -> tuple[Array, Array]:
         """For walls and for gaps that are none, in each cell, shape (rows, columns) both."""
         cfg = self._config
-        if (
-            self._evidence.shape[1:] != frame.shape
-        ):  # kept from map to map: fresh memory costs more than filling it
+        # kept from map to map: fresh memory costs more than filling it
+        if self._evidence.shape[1:] != frame.shape:
             self._evidence, self._marked = np.empty((2, *frame.shape)), np.zeros(frame.shape, dtype=bool)
         self._evidence.fill(0.0)
         walls, gaps = self._evidence

@@ -8,10 +8,8 @@ from dataclasses import dataclass
 
 from sonar_explore.episodes.record import EpisodeRecord, Point
 
-WIDTH, HEIGHT = (
-    1000.0,
-    760.0,
-)  # largest picture, [units]; style sheet and script scale text and marks to the screen
+# largest picture, [units]; style sheet and script scale text and marks to the screen
+WIDTH, HEIGHT = 1000.0, 760.0
 MARGIN = 0.04  # around everything that is drawn, as a part of the longer side
 FOOT = 26.0  # below it, for the scale bar, [units]
 

@@ -19,13 +19,13 @@ def pieces(walls, points=NONE):
     return continued(np.array(walls, dtype=float), np.array(points, dtype=float), ON_LINE, REACH)
 
 
-def some_walls(seed, walls=12, points=6):
-    """Walls up to a metre long and points in a room of four metres."""
+def some_walls(seed, walls=12, points=6, side_m=4.0):
+    """Walls up to a metre long and points in a square room about the origin."""
     rng = np.random.default_rng(seed)
-    at, angle = rng.uniform(0.0, 4.0, (walls, 2)), 0.5 * math.pi * rng.integers(0, 4, walls)
+    at, angle = side_m * rng.uniform(-0.5, 0.5, (walls, 2)), 0.5 * math.pi * rng.integers(0, 4, walls)
     angle += rng.normal(0.0, 0.1, walls)
     half = 0.5 * rng.uniform(0.1, 1.0, walls)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-    return np.hstack([at - half, at + half]), rng.uniform(0.0, 4.0, (points, 2))
+    return np.hstack([at - half, at + half]), side_m * rng.uniform(-0.5, 0.5, (points, 2))
 
 
 def by_end(found):
@@ -86,6 +86,14 @@ def _free_m(i, end, other, walls, points):
 @given(seeds)
 def test_the_kernels_find_what_plain_vectors_find(seed):
     walls, points = some_walls(seed)
+    found, expected = by_end(pieces(walls, points)), by_end(plain(walls, points))
+    assert np.array(found) == pytest.approx(np.array(expected), abs=1e-6)
+
+
+@settings(deadline=None, max_examples=20)
+@given(seeds)
+def test_in_a_hall_of_many_strips_they_find_the_same(seed):
+    walls, points = some_walls(seed, walls=60, points=30, side_m=16.0)
     found, expected = by_end(pieces(walls, points)), by_end(plain(walls, points))
     assert np.array(found) == pytest.approx(np.array(expected), abs=1e-6)
 

@@ -51,9 +51,8 @@ def ghost(silent, heading, allowed, circle, things, near, room, ear, base, known
     half_c, half_s = ear.fan_c, ear.fan_s
     turn_c, turn_s = half_c * half_c - half_s * half_s, 2.0 * half_c * half_s
     fan, count = lists[IN_FAN], len(near.walls)
-    side = (
-        reach if turn_c > 0.2 else 0.0
-    )  # no sides where they would be half a turn apart: all walls are in it
+    # no sides where they would be half a turn apart: all walls are in it
+    side = reach if turn_c > 0.2 else 0.0
     left_x, left_y = side * (c * turn_c - s * turn_s), side * (s * turn_c + c * turn_s)
     right_x, right_y = side * (c * turn_c + s * turn_s), side * (s * turn_c - c * turn_s)
     find_in_fan(px, py, left_x, left_y, right_x, right_y, blur, count, rows)

@@ -82,11 +82,8 @@ def read_toml(path: Path, options: ReadOptions) -> World:
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         said = why_undecoded(error, "TOML")
         raise SonarExploreError(f"{path.name}: {said}{_known_fields(said)}") from None
-    except (
-        RecursionError,
-        ValueError,
-        OverflowError,
-    ):  # tables a thousand deep, numbers a thousand digits long
+    # tables a thousand deep, numbers a thousand digits long
+    except (RecursionError, ValueError, OverflowError):
         raise SonarExploreError(f"{path.name}: nested too deeply, or a number too long") from None
     start = options.start or Pose(file.start.x, file.start.y, math.radians(file.start.heading_deg))
     _check_outside(path, file, start)

@@ -161,9 +161,8 @@ def learned(covariance, across, expected, innovation, noise, huber, change):  # 
         change[j] = 0.0
         for i in range(m):
             change[j] += across[i, j] * innovation[i]
-    for i in range(
-        n
-    ):  # by rounding, the unknowns of one landmark, or of pose and wheels, may differ about the diagonal
+    # by rounding, the unknowns of one landmark, or of pose and wheels, may differ about the diagonal
+    for i in range(n):
         for j in range(max(0, i - BASE), i):
             covariance[j, i] = covariance[i, j]
     for i in range(n):

@@ -111,9 +111,8 @@ def view_points(scorer: Scorer, places: Array) -> tuple[list[int], float]:
     heap = [(-len(cells), i) for i, cells in enumerate(sight) if i]
     heapq.heapify(heap)
     while covered < enough:
-        _, i = heapq.heappop(
-            heap
-        )  # what a place adds only ever shrinks: the first that holds its own is the best
+        # what a place adds only ever shrinks: the first that holds its own is the best
+        _, i = heapq.heappop(heap)
         gain = int((times[sight[i]] == 0).sum())
         if heap and gain < -heap[0][0]:
             heapq.heappush(heap, (-gain, i))
