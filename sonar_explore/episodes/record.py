@@ -79,6 +79,18 @@ class DecisionRecord(msgspec.Struct, frozen=True):
     """The planned path."""
 
 
+class GridRecord(msgspec.Struct, frozen=True):
+    """An occupancy grid: row 0 is the lowest y, column 0 the lowest x."""
+
+    origin: Point
+    """Outer corner of cell (0, 0)."""
+    resolution_m: float
+    shape: tuple[int, int]
+    """(rows, columns)"""
+    states: str
+    """zlib + base64 of uint8 (row-major): 0 unknown, 1 free, 2 occupied."""
+
+
 class StepRecord(msgspec.Struct, frozen=True):
     """One scan, with what SLAM made of it, and the decision that followed it."""
 
@@ -110,6 +122,8 @@ class StepRecord(msgspec.Struct, frozen=True):
     """(surviving chain, absorbed chain)"""
     dangling: list[int]
     """Ids of the chains that dangle after this scan."""
+    grid: GridRecord
+    """The map as it was known after this scan, from which the decision was made."""
     explored_fraction: float
     """Scored against the truth."""
     decision: DecisionRecord | None
@@ -125,18 +139,6 @@ class ChainRecord(msgspec.Struct, frozen=True):
     """Index of the root among the links."""
     root_probability: float
     dangling: bool
-
-
-class GridRecord(msgspec.Struct, frozen=True):
-    """The occupancy grid at the end: row 0 is the lowest y, column 0 the lowest x."""
-
-    origin: Point
-    """Outer corner of cell (0, 0)."""
-    resolution_m: float
-    shape: tuple[int, int]
-    """(rows, columns)"""
-    states: str
-    """zlib + base64 of uint8 (row-major): 0 unknown, 1 free, 2 occupied."""
 
 
 class Stats(msgspec.Struct, frozen=True):
@@ -191,3 +193,4 @@ class EpisodeRecord(msgspec.Struct, frozen=True):
     steps: list[StepRecord]
     chains: list[ChainRecord]
     grid: GridRecord
+    """At the end, as at the last step."""

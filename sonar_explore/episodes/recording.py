@@ -101,6 +101,7 @@ class EpisodeLog:
             new_chains=list(update.new_chains),
             merges=[(m.survivor, m.absorbed) for m in update.merges],
             dangling=list(update.dangling),
+            grid=grid_record(situation.grid),
             explored_fraction=_round(now.explored),
             decision=outcome,
         )
@@ -227,5 +228,5 @@ def grid_record(grid: OccupancyGrid) -> GridRecord:
         origin=(_round(grid.frame.x0), _round(grid.frame.y0)),
         resolution_m=grid.frame.resolution_m,
         shape=grid.frame.shape,
-        states=base64.b64encode(zlib.compress(grid.states.tobytes(), 9)).decode("ascii"),
+        states=base64.b64encode(zlib.compress(grid.states.tobytes())).decode("ascii"),
     )

@@ -19,7 +19,7 @@ from sonar_explore.reports.charts import episode_charts
 from sonar_explore.reports.frame import frame_of, scale_bar
 from sonar_explore.reports.page import templates, verbatim, write_page
 from sonar_explore.reports.progress import counted
-from sonar_explore.reports.raster import grid_png
+from sonar_explore.reports.words import glossary
 
 
 def write_episode_report(record: EpisodeRecord, path: Path) -> None:
@@ -47,7 +47,7 @@ def episode_page(record: EpisodeRecord) -> str:
         tiles=tiles(record.summary),
         frame=frame,
         bar_m=scale_bar(frame),
-        grid=grid_png(record.grid),
+        grid=scene.grid_image(record.grid, frame),
         chains=scene.chain_rows(record),
         past=scene.past_walls(record),
         cut=scene.cut_associations(record),
@@ -56,6 +56,7 @@ def episode_page(record: EpisodeRecord) -> str:
             for before, step in zip([None, *record.steps], record.steps, strict=False)
         ],
         charts=episode_charts(record),
+        words=glossary(record),
         degrees=math.degrees,
         style=verbatim("episode.css"),
         script=verbatim("episode.js"),

@@ -11,31 +11,34 @@ from sonar_explore.episodes.record import (
     AssociationRecord,
     DecisionRecord,
     EpisodeRecord,
+    GridRecord,
     Point,
     Pose3,
     Segment4,
     StepRecord,
 )
 from sonar_explore.geometry import Pose, wrap_angle
+from sonar_explore.reports.colours import chain_colours
 from sonar_explore.reports.frame import Frame
 from sonar_explore.reports.history import ChainHistory, chain_history
+from sonar_explore.reports.raster import grid_png
 
-CHAIN_COLOURS = 9  # classes c0 .. c8 of the style sheet
 NEVER = 1_000_000  # a step that never comes
 
 
 def chain_rows(record: EpisodeRecord) -> list[dict[str, Any]]:
     """The chains at the end, with the colour class of each."""
+    colours = chain_colours(record.chains)
     return [
         {
             "id": chain.id,
-            "colour": f"c{rank % CHAIN_COLOURS}",
+            "colour": f"c{colours[chain.id]}",
             "links": chain.links,
             "root": chain.root,
             "probability": chain.root_probability,
             "dangling": chain.dangling,
         }
-        for rank, chain in enumerate(sorted(record.chains, key=lambda chain: chain.id))
+        for chain in sorted(record.chains, key=lambda chain: chain.id)
     ]
 
 
@@ -95,6 +98,7 @@ def scan_data(record: EpisodeRecord, frame: Frame) -> list[dict[str, Any]]:
             "explored": round(100 * step.explored_fraction, 1),
             "poses": [_pose(pose, frame) for pose in (step.predicted_pose, step.pose, step.true_pose)],
             "errors": [_errors(pose, step.true_pose) for pose in (step.predicted_pose, step.pose)],
+            "grid": grid_image(step.grid, frame),
             "fan": _fan(step, frame),
             "features": [[*_line(f.segment, frame), f.kind] for f in step.features],
             "associations": [
@@ -107,6 +111,19 @@ def scan_data(record: EpisodeRecord, frame: Frame) -> list[dict[str, Any]]:
         }
         for step in record.steps
     ]
+
+
+def grid_image(grid: GridRecord, frame: Frame) -> dict[str, Any]:
+    """The attributes of the `image` that shows the grid."""
+    rows, columns = grid.shape
+    x, y = grid.origin
+    return {
+        "x": frame.x(x),
+        "y": frame.y(y + rows * grid.resolution_m),
+        "width": frame.length(columns * grid.resolution_m),
+        "height": frame.length(rows * grid.resolution_m),
+        "href": grid_png(grid),
+    }
 
 
 def _root_until(history: ChainHistory, key: tuple[int, int]) -> int:

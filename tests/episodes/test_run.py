@@ -17,6 +17,7 @@ from sonar_explore.episodes.files import load_record, save_record
 from sonar_explore.episodes.record import EpisodeRecord, StepRecord
 from sonar_explore.episodes.run import run_episode
 from sonar_explore.errors import SonarExploreError
+from sonar_explore.reports.raster import grid_states
 
 SHORT = ExplorationConfig(max_scans=8)
 
@@ -54,6 +55,12 @@ def test_steps_are_numbered_and_told_as_they_are_made(record):
     again = run_episode("paper/corridor", seed=2, config=SHORT, on_step=told.append)
     assert told == again.steps == record.steps
     assert [step.index for step in told] == list(range(len(told)))
+
+
+def test_every_step_keeps_the_map_of_its_time(record):
+    known = [int((grid_states(step.grid) > 0).sum()) for step in record.steps]
+    assert 0 < known[0] < known[-1]
+    assert record.steps[-1].grid == record.grid
 
 
 def test_the_summary_agrees_with_the_steps(record):

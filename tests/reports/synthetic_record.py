@@ -218,6 +218,7 @@ def synthetic_record(name: str = "synthetic/two-rooms") -> EpisodeRecord:
                 new_chains=new,
                 merges=[],
                 dangling=dangling,
+                grid=_grid(8.0 * (index + 1) / len(ROUTE)),
                 explored_fraction=1 - math.exp(-0.16 * (index + 1)),
                 decision=None if last else _decision((pose[0], pose[1]), nxt, rng),
             )
@@ -230,7 +231,7 @@ def synthetic_record(name: str = "synthetic/two-rooms") -> EpisodeRecord:
         summary=_summary(name, steps, len(links)),
         steps=steps,
         chains=[ChainRecord(c, segs, 0, 0.9, c in steps[-1].dangling) for c, segs in links.items()],
-        grid=_grid(),
+        grid=steps[-1].grid,
     )
 
 
@@ -265,7 +266,8 @@ def _summary(name: str, steps: list[StepRecord], chains: int) -> Summary:
     )
 
 
-def _grid() -> GridRecord:
+def _grid(known_m: float) -> GridRecord:
+    """The map as far as an x, [m]."""
     rows, columns, cell = 66, 86, 0.1
     y, x = np.mgrid[0:rows, 0:columns] * cell - 0.25
     states = np.zeros((rows, columns), np.uint8)
@@ -273,5 +275,6 @@ def _grid() -> GridRecord:
     for x1, y1, x2, y2 in WALLS:
         inside = (x >= min(x1, x2) - 0.06) & (x <= max(x1, x2) + 0.06)
         states[inside & (y >= min(y1, y2) - 0.06) & (y <= max(y1, y2) + 0.06)] = 2
+    states[x > known_m + 0.1] = 0
     packed = base64.b64encode(zlib.compress(states.tobytes())).decode()
     return GridRecord((-0.3, -0.3), cell, (rows, columns), packed)

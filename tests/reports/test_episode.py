@@ -11,12 +11,14 @@ import pytest
 from synthetic_record import synthetic_record
 
 from sonar_explore.episodes.files import load_record, save_record
-from sonar_explore.episodes.record import AssociationRecord, EpisodeRecord, FeatureRecord
+from sonar_explore.episodes.record import AssociationRecord, ChainRecord, EpisodeRecord, FeatureRecord
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.reports.charts import ticks
+from sonar_explore.reports.colours import CHAIN_COLOURS, chain_colours
 from sonar_explore.reports.episode import episode_page, write_episode_report
 from sonar_explore.reports.frame import frame_of, scale_bar
 from sonar_explore.reports.history import chain_history
+from sonar_explore.reports.raster import grid_png, grid_states
 
 HOSTILE = """</script><script>alert(1)</script><img src=x onerror=alert(2)>"'&{{ 7*7 }}"""
 
@@ -133,6 +135,48 @@ def test_each_scan_carries_its_readings_and_its_decision(record: EpisodeRecord, 
     assert decision is not None
     assert len(scans[4]["decision"]["candidates"]) == len(decision.candidates)
     assert scans[-1]["decision"] is None
+
+
+def test_each_scan_shows_the_map_that_was_known_then(record: EpisodeRecord, page: str) -> None:
+    scans = data_of(page)["scans"]
+    known = [int((grid_states(step.grid) > 0).sum()) for step in record.steps]
+    assert known == sorted(set(known)), "the record of this test learns something at every scan"
+    assert [scan["grid"]["href"] for scan in scans] == [grid_png(step.grid) for step in record.steps]
+    image = next(attributes for tag, attributes in Elements(page).tags if tag == "image")
+    assert image == image | {name: str(value) for name, value in scans[-1]["grid"].items()}
+
+
+def test_every_word_that_is_linked_is_explained(page: str) -> None:
+    explained = {attributes.get("id") for _, attributes in Elements(page).tags}
+    linked = set(re.findall(r'"#(word-[\w-]+)"', page))
+    assert {"word-root", "word-adr", "word-ndr"} <= linked <= explained
+
+
+def test_the_terms_of_a_policy_of_ones_own_are_not_guessed_at(record: EpisodeRecord, page: str) -> None:
+    assert "travel: length of the way" in page
+    decisions = [
+        step.decision
+        and msgspec.structs.replace(
+            step.decision,
+            candidates=[msgspec.structs.replace(c, terms={"mine": 1.0}) for c in step.decision.candidates],
+        )
+        for step in record.steps
+    ]
+    steps = [msgspec.structs.replace(s, decision=d) for s, d in zip(record.steps, decisions, strict=True)]
+    assert "Here:" not in episode_page(msgspec.structs.replace(record, steps=steps))
+
+
+def test_chains_side_by_side_have_colours_that_look_apart() -> None:
+    chains = [ChainRecord(k, [(0, 0.2 * k, 3, 0.2 * k)], 0, 1.0, False) for k in range(40)]
+    colours = chain_colours(chains)
+    for k in range(39):
+        turn = abs(colours[k] - colours[k + 1])
+        assert min(turn, CHAIN_COLOURS - turn) > 1
+
+
+def test_chains_far_apart_use_every_colour() -> None:
+    chains = [ChainRecord(k, [(10 * k, 0, 10 * k + 1, 0)], 0, 1.0, False) for k in range(CHAIN_COLOURS)]
+    assert set(chain_colours(chains).values()) == set(range(CHAIN_COLOURS))
 
 
 def test_the_fan_ends_on_the_walls_that_were_heard(record: EpisodeRecord, page: str) -> None:

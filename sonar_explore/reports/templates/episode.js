@@ -20,8 +20,11 @@ function table(id, head, rows) {
     const tr = document.createElement("tr");
     for (const cell of cells) {
       const td = document.createElement(tag);
-      td.textContent = Array.isArray(cell) ? cell[0] : cell;
-      if (Array.isArray(cell)) td.className = cell[1];
+      const [text, kind] = Array.isArray(cell) ? cell : [cell];
+      const holder = kind?.startsWith("#") ? td.appendChild(document.createElement("a")) : td;
+      holder.textContent = text;
+      if (holder !== td) holder.href = kind; // to the glossary
+      else if (kind) td.className = kind;
       tr.append(td);
     }
     return tr;
@@ -122,7 +125,7 @@ function tellScan(scan, k) {
     cells: [name, pose[3].toFixed(2), pose[4].toFixed(2), pose[5].toFixed(1), ...errors],
   });
   const errors = ([position, heading]) => [position.toFixed(3), heading.toFixed(1)];
-  table("poses", ["pose", "x [m]", "y [m]", "heading [°]", "off [m]", "off [°]"], [
+  table("poses", [["pose", "#word-pose"], "x [m]", "y [m]", "heading [°]", "off [m]", "off [°]"], [
     row("predicted", "predicted", scan.poses[0], errors(scan.errors[0])),
     row("corrected", "believed", scan.poses[1], errors(scan.errors[1])),
     row("true", "true", scan.poses[2], ["", ""]),
@@ -135,7 +138,7 @@ function tellAssociations(scan) {
   if (scan.roots.length) parts.push(`${scan.roots.length} new ${scan.roots.length === 1 ? "root" : "roots"}`);
   if (scan.merges.length) parts.push(scan.merges.map(([a, b]) => `${b} merged into ${a}`).join(", "));
   $("association-title").textContent = `Associations: ${parts.join(", ")}`;
-  table("associations", ["feature", "chain", "ADR [°]", "NDR [cm]", "P", ""], scan.associations.map((a) => ({
+  table("associations", ["feature", "chain", ["ADR [°]", "#word-adr"], ["NDR [cm]", "#word-ndr"], ["P", "#word-p"], ""], scan.associations.map((a) => ({
     cells: [a.feature, a.chain, a.angle.toFixed(1), a.normal.toFixed(1), a.kept ? a.probability.toFixed(2) : "",
       a.kept ? ["kept", "good"] : ["cut", "bad"]],
   })));
@@ -147,7 +150,7 @@ function tellDecision(decision) {
   if (!decision) return table("candidates", [], []);
   const rows = decision.candidates.map((cells, i) => ({ cells, mark: i === decision.chosen }));
   rows.sort((a, b) => b.cells[3] - a.cells[3]);
-  table("candidates", ["score", ...decision.terms.map((t) => t.replaceAll("_", " ")), "path [m]"], rows.map(({ cells, mark }) => ({
+  table("candidates", [["score", "#word-candidates"], ...decision.terms.map((t) => t.replaceAll("_", " ")), "path [m]"], rows.map(({ cells, mark }) => ({
     mark,
     cells: [cells[3], ...cells.slice(4), cells[2]].map((v) => v.toFixed(2)),
   })));
@@ -161,6 +164,7 @@ function show(k) {
     mark.style.visibility = Number(mark.dataset.s) <= k ? "" : "hidden";
     mark.classList.toggle("now", Number(mark.dataset.s) === k);
   }
+  for (const [name, value] of Object.entries(whole ? finalGrid : scans[k].grid)) $("grid").setAttribute(name, value);
   $("final").setAttribute("visibility", whole ? "visible" : "hidden");
   $("past").style.display = whole ? "none" : layerShown("chains");
   $("past").setAttribute("visibility", "visible");
@@ -216,10 +220,15 @@ function layers() {
 function thinTexts() {
   const numbers = [...map.querySelectorAll(".number")].filter((n) => n.parentNode.style.visibility !== "hidden");
   const now = numbers.filter((n) => n.parentNode.matches(".now"));
+  const edge = map.getBoundingClientRect().right - 2;
   const many = map.matches(".many"); // a long episode numbers every 25th scan, and leaves it to dashes what dangles
   const others = numbers.filter((n) => !now.includes(n) && !(many && n.matches(".minor")));
   const texts = [...now, ...(many ? [] : $("dangling").children), ...others];
-  for (const text of texts) text.style.display = "";
+  for (const text of texts) {
+    text.style.display = "";
+    text.classList.remove("leftward");
+    if (text.getBoundingClientRect().right > edge) text.classList.add("leftward");
+  }
   const boxes = texts.map((text) => text.getBoundingClientRect());
   const placed = [];
   texts.forEach((text, i) => {
@@ -238,6 +247,7 @@ function rescale() {
   thinTexts();
 }
 
+const finalGrid = Object.fromEntries(["x", "y", "width", "height", "href"].map((name) => [name, $("grid").getAttribute(name)]));
 const finalLabels = [...$("dangling").children];
 const fromAddress = () => go(Number(/^#scan=(\d+)$/.exec(location.hash)?.[1] ?? END));
 slider.addEventListener("input", () => { play(false); go(Number(slider.value)); });
@@ -249,7 +259,7 @@ document.addEventListener("keydown", (event) => {
   else if (event.key === " ") { event.preventDefault(); play(timer === null); }
 });
 document.querySelector(".layers").addEventListener("change", layers);
-window.addEventListener("hashchange", fromAddress);
+window.addEventListener("hashchange", () => { if (location.hash.startsWith("#scan=")) fromAddress(); });
 new ResizeObserver(rescale).observe(map);
 rescale();
 layers();
