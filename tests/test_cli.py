@@ -15,6 +15,7 @@ from sonar_explore import cli
 from sonar_explore.agents import make_agent
 from sonar_explore.choices import SLAMS as CHOICES
 from sonar_explore.envs.exploration_env import ExplorationEnv
+from sonar_explore.envs.load import load_world
 from sonar_explore.episodes.commands import default_folder
 from sonar_explore.episodes.record import EpisodeRecord, StepRecord
 from sonar_explore.errors import SonarExploreError, unknown_name
@@ -75,6 +76,14 @@ def assert_refused(capsys: Capture, arguments: list[str], *words: str, status: i
     [
         (["explode"], ["unknown command 'explode'", "run"]),
         (["--explode"], ["--explode"]),
+        (["rnu"], ["did you mean 'run'?", "known: ablation"]),
+        (["run", "loop", "--slam", "smooth"], ["unknown slam 'smooth' (did you mean 'smoothed'?)", "chain"]),
+        (
+            ["run", "loop", "--scan", "rign"],
+            ["unknown scan 'rign' (did you mean 'ring'?); known: ring, turn"],
+        ),
+        (["run", "loop", "--sensor", "bat"], ["unknown sensor 'bat'; known: amigobot, nxt"]),
+        (["replay", "log", "--slam", "fast"], ["unknown slam 'fast'; known: chain"]),
         (["run"], ["WORLD"]),
         (["run", "loop", "--sed", "3"], ["--sed", "--seed"]),
         (["run", "loop", "--seed", "-1"], ["--seed", "0<=x<=4294967295"]),
@@ -100,6 +109,14 @@ def test_a_bad_command_line_is_refused_in_one_line_and_nothing_is_written(
     assert_refused(capsys, arguments, *words)
     assert tree(folder) == []
     assert runner.calls == []
+
+
+@pytest.mark.parametrize(
+    "name, near", [("rooms", "paper/rooms"), ("paper/romos", "paper/rooms"), ("office", "generated/office")]
+)
+def test_a_world_that_is_nearly_there_is_named(name: str, near: str) -> None:
+    with pytest.raises(SonarExploreError, match=f"unknown world '{name}' .did you mean '{near}'"):
+        load_world(name)
 
 
 def test_an_unknown_name_is_refused_in_one_line_and_no_folder_stays(

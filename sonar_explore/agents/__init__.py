@@ -28,7 +28,7 @@ def make_agent(name: str) -> ExplorationPolicy:
     elif ":" in name:
         made = _made(name, EntryPoint(name, name, GROUP))
     else:
-        raise unknown_name("agent", name, [*points, "module:Name"])
+        raise SonarExploreError(f"{unknown_name('agent', name, points)}, or module:Name")
     if not callable(getattr(made, "choose", None)):
         raise SonarExploreError(
             f"agent {name!r} has no method choose(situation); see sonar_explore.agents.base"

@@ -82,7 +82,9 @@ def load_world(
         raise SonarExploreError(
             f"{path.name}: no reader for files that end in {path.suffix!r}; known: {', '.join(_READERS)}"
         )
-    known = unknown_name("world", name, shipped_worlds())
+    from sonar_explore.envs.generator import generator_names
+
+    known = unknown_name("world", name, shipped_worlds(), hidden=generator_names())
     raise SonarExploreError(f"{known}, {GENERATED}..., or a file that ends in {', '.join(_READERS)}")
 
 

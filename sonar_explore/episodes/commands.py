@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sonar_explore.choices import SLAMS, WholeNumber
+from sonar_explore.choices import SLAMS, Named, WholeNumber
 from sonar_explore.errors import SonarExploreError
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ NOT_IN_A_NAME = "?&=:/\\"
 @click.argument("world")
 @click.option("--agent", default="frontier", show_default=True, help="Policy: a known name, or module:Name.")
 @click.option(
-    "--slam", type=click.Choice(SLAMS), default="chain", show_default=True, help="What corrects the pose."
+    "--slam", type=Named("slam", SLAMS), default="chain", show_default=True, help="What corrects the pose."
 )
 @click.option("--noise", default="paper", show_default=True, help="Odometry: paper, ideal or worn.")
 @click.option(
@@ -39,14 +39,14 @@ NOT_IN_A_NAME = "?&=:/\\"
 @click.option("--max-scans", type=WholeNumber(1), help="End after this many scans.")
 @click.option(
     "--scan",
-    type=click.Choice(("turn", "ring")),
+    type=Named("scan", ("turn", "ring")),
     default="turn",
     show_default=True,
     help="A full turn on the spot, or one of 70 degrees.",
 )
 @click.option(
     "--sensor",
-    type=click.Choice(("amigobot", "nxt")),
+    type=Named("sensor", ("amigobot", "nxt")),
     default="amigobot",
     show_default=True,
     help="The AmigoBot's sonar, or a cheap one.",

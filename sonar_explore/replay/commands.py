@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
-from sonar_explore.choices import SLAMS
+from sonar_explore.choices import SLAMS, Named
 
 
 @click.command(short_help="SLAM on recorded scans: a log of ours or of others.")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
 @click.option(
-    "--slam", type=click.Choice(SLAMS), default="chain", show_default=True, help="What corrects the pose."
+    "--slam", type=Named("slam", SLAMS), default="chain", show_default=True, help="What corrects the pose."
 )
 @click.option(
     "--out",

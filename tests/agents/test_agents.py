@@ -138,7 +138,7 @@ def test_a_policy_is_found_by_module_and_name():
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("frontire", "frontier, module:Name"),
+        ("frontire", "did you mean .frontier.*or module:Name"),
         ("nowhere_to_be_found:Policy", "cannot be loaded"),
         (f"{__name__}:Missing", "cannot be loaded"),
         (f"{__name__}:NoPolicy", "no method choose"),
