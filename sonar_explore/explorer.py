@@ -87,15 +87,16 @@ class Explorer:
         )
         self._offers = Offers(self._surroundings, slam, self._finder, config)
         self._leg_trail: list[Pose] = []
-        mind = weakref.proxy(self)  # no circle of references: maps go when nobody needs them
+        mind = _Mind(self)
+        believing = known_pose is None
         self._driver = Driver(
             robot,
             body,
-            lambda: mind._traced(),
-            lambda: mind._surroundings.recent_points,
+            mind.traced,
+            mind.points,
             config.driving,
-            None if known_pose is not None else lambda odometry: mind._all_traced(odometry),
-            lambda: None if known_pose is not None else mind._slam.belief,
+            mind.all_traced if believing else None,
+            mind.belief if believing else _no_belief,
         )
 
     @property
@@ -235,3 +236,39 @@ class Explorer:
         if report.end is DriveEnd.BUMPED:  # back off, the way the body came
             for _ in range(BACK_OFF_TICKS):
                 self._robot.tick(-BACK_OFF_M_S, 0.0)
+
+
+class _Mind:
+    """The explorer as its driver asks it: held weakly, for in a circle of references maps would stay when nobody needs
+    them. A copy, or one that is pickled, asks the explorer that was copied with it."""
+
+    def __init__(self, explorer: Explorer) -> None:
+        self._explorer = weakref.ref(explorer)
+
+    def __reduce__(self) -> tuple[type[_Mind], tuple[Explorer]]:
+        return _Mind, (self._now(),)
+
+    def traced(self) -> Pose:
+        """The pose, noted down."""
+        return self._now()._traced()
+
+    def all_traced(self, odometry: Array) -> Array:
+        """The pose at each reading of the odometry, noted down."""
+        return self._now()._all_traced(odometry)
+
+    def points(self) -> Array:
+        """Edges and corners on the map now."""
+        return self._now()._surroundings.recent_points
+
+    def belief(self) -> Array | None:
+        """What carries the pose along."""
+        return self._now()._slam.belief
+
+    def _now(self) -> Explorer:
+        explorer = self._explorer()
+        assert explorer is not None, "a driver without its explorer"
+        return explorer
+
+
+def _no_belief() -> None:
+    """Of a robot that is told where it is."""

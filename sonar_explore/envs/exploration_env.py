@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -133,7 +134,7 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
                 "action_mask": spaces.Box(0, 1, (max_candidates,), np.int8),
             }
         )
-        self.overhear: Callable[[Robot], Robot] = lambda robot: robot
+        self.overhear: Callable[[Robot], Robot] = _directly
         """What stands between robot and mind from the next reset on: a recorder of measurements."""
         self.situation: Situation
         """What a scripted policy decides from."""
@@ -151,7 +152,7 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
             self._enter(draw_world(self._generator, self.np_random))
         self.simulator.reset(self.np_random)
         self.slam = make_slam(self.slam_name, self.world.start, self.config.slam)
-        known_pose = (lambda: self.simulator.true_pose) if self.slam_name == "truth" else None
+        known_pose = partial(_true_pose, self.simulator) if self.slam_name == "truth" else None
         robot = self.overhear(self.simulator)
         self.explorer = Explorer(robot, self.slam, self.config, known_pose)
         self.scorer.reset()
@@ -260,3 +261,12 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
                 "world": self.world.name,
             },
         }
+
+
+# functions, not lambdas: an environment can be pickled and copied in the middle of an episode
+def _directly(robot: Robot) -> Robot:
+    return robot
+
+
+def _true_pose(simulator: Simulator) -> Pose:
+    return simulator.true_pose

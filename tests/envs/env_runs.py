@@ -15,7 +15,12 @@ def chosen(env: gym.Env, observation: dict) -> object:
 def trajectory(env: gym.Env, seed: int | None, steps: int) -> list:
     observation, info = env.reset(seed=seed)
     env.action_space.seed(5)
-    out: list[tuple] = [(observation, info)]
+    return [(observation, info), *continued(env, observation, steps)]
+
+
+def continued(env: gym.Env, observation: dict, steps: int) -> list:
+    """So many more steps, or up to the end."""
+    out: list[tuple] = []
     for _ in range(steps):
         observation, reward, terminated, truncated, info = env.step(chosen(env, observation))
         out.append((observation, reward, terminated, truncated, info))

@@ -1,12 +1,13 @@
 """Both environments keep Gymnasium's promises."""
 
+import copy
 import json
 import pickle
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from env_runs import trajectory
+from env_runs import continued, trajectory
 from gymnasium.utils.env_checker import check_env
 
 import sonar_explore  # noqa: F401 - registers the ids
@@ -64,6 +65,26 @@ def test_no_array_is_handed_out_twice(name):
     for value in steps[-1][0].values():
         value[...] = 0
     assert pickle.dumps(steps[:-1]) == before
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+@pytest.mark.parametrize(
+    "name, options",
+    [
+        (IDS[0], {}),
+        *((IDS[1], {"slam": slam}) for slam in ("chain", "smoothed", "truth")),
+        (IDS[1], {"world": "generated/home"}),
+    ],
+)
+def test_a_copy_made_in_the_middle_of_an_episode_goes_on_like_the_original(name, options, copied):
+    env = gym.make(name, **{"world": "paper/rooms"} | options)
+    begun = trajectory(env, 11, 5)
+    twin = copied(env)
+    by_twin, by_env = (continued(one, begun[-1][0], 5) for one in (twin, env))
+    again = gym.make(name, **{"world": "paper/rooms"} | options)
+    trajectory(again, 11, 5)
+    alone = continued(again, begun[-1][0], 5)
+    assert pickle.dumps(by_twin) == pickle.dumps(by_env) == pickle.dumps(alone)
 
 
 @both
