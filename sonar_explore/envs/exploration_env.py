@@ -199,9 +199,9 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
         return "scan_limit" if self.scans >= self.config.max_scans else ""
 
     def render(self) -> NDArray[np.uint8] | str | None:
-        """The map as a picture, shape (rows, columns, 3), or as text."""
+        """The map as a picture of what the observation shows, shape (rows, columns, 3), or as text."""
         if self.render_mode == "rgb_array":
-            return render_rgb(self.situation)
+            return render_rgb(self.situation, self._frame)
         return render_ansi(self.situation) if self.render_mode == "ansi" else None
 
     def _enter(self, world: World) -> None:

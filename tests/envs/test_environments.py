@@ -129,6 +129,18 @@ def test_pictures_show_something_and_text_shows_the_robot(name):
     assert text.render().count("R") == 1
 
 
+@both
+def test_every_picture_has_the_same_size_so_that_films_can_be_made_of_them(name):
+    env = gym.make(name, world="generated/home", render_mode="rgb_array")
+    shapes = set()
+    for seed in range(3):
+        trajectory(env, seed, 4)
+        shapes.add(env.render().shape)
+    seen = gym.wrappers.AddRenderObservation(env, render_only=False)
+    assert shapes == {seen.observation_space["pixels"].shape}
+    assert all(step[0] in seen.observation_space for step in trajectory(seen, 3, 4))
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (480, 59), (0, 640)])
 def test_a_map_that_would_hold_less_than_one_scan_clears_is_refused(shape):
     with pytest.raises(SonarExploreError, match="at least 60 x 60 cells"):
