@@ -21,6 +21,7 @@ from sonar_explore.mapping.occupancy import OccupancyMapper
 from sonar_explore.mapping.sectors import Sectors
 from sonar_explore.planning import paths, surroundings
 from sonar_explore.planning.candidates import CandidateFinder
+from sonar_explore.planning.cheapest import Search
 from sonar_explore.planning.driving import Driver
 from sonar_explore.slam import slam as slam_module
 from sonar_explore.slam.slam import ChainSlam
@@ -45,7 +46,7 @@ PARTS: tuple[tuple[str, Any, str], ...] = (
     ("  cells of changed scans", Sectors, "put"),
     ("safe paths (in both)", paths.SafePaths, "__init__"),
     ("  room", paths, "clearance"),
-    ("  cheapest costs", paths, "spread_costs"),
+    ("  cheapest costs", Search, "_spread"),
 )
 
 

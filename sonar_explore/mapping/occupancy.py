@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -64,15 +63,6 @@ class OccupancyGrid:
     def to_walls(self) -> ToWalls:
         """What keeps `to_walls_m`."""
         return self.keeper("to walls", lambda: ToWalls(self.frame.resolution_m))
-
-    @cached_property
-    def known_spans(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """First row and row after the last, first column and column after the last, of what is known."""
-        spans = []
-        for axis in (1, 0):
-            at = np.flatnonzero(np.bitwise_or.reduce(self.states, axis=axis))
-            spans.append((int(at[0]), int(at[-1]) + 1) if len(at) else (0, 0))
-        return spans[0], spans[1]
 
     @property
     def free(self) -> Mask:

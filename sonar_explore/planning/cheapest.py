@@ -17,6 +17,8 @@ _SQRT2 = math.sqrt(2.0)
 Window = tuple[int, int, int, int]
 """First row, row after the last, first column, column after the last."""
 
+_USED, _WAITING, _LEVEL, _LOW_ROW, _HIGH_ROW, _LOW_COLUMN, _HIGH_COLUMN = range(7)
+
 
 def cheapest_costs(cost: Array, start: tuple[int, int]) -> Array:
     """Cost of the cheapest way from the start to each cell, shape (rows, columns); inf where there is none.
@@ -31,33 +33,66 @@ def cheapest_costs(cost: Array, start: tuple[int, int]) -> Array:
     rimmed = np.pad(cost, 1, constant_values=np.inf)
     out, entries = np.full(rimmed.shape, np.inf), np.empty((most_entries(cost.size), 2), dtype=np.int32)
     dearest = float(cost[np.isfinite(cost)].max())
-    spread_costs(rimmed, (start[0] + 1, start[1] + 1), math.inf, dearest, entries, out)
+    Search(rimmed, (start[0] + 1, start[1] + 1), dearest, out, entries).reach(math.inf)
     return out[1:-1, 1:-1].copy()
 
 
 def most_entries(cells: int) -> int:
-    """How many `spread_costs` may need if so many cells may be entered: each from eight others."""
+    """How many a search may need if so many cells may be entered: each from eight others."""
     return 8 * cells + 2
 
 
-def spread_costs(
-    cost: Array, start: tuple[int, int], most: float, dearest: float, entries: NDArray[np.int32], out: Array
-) -> tuple[Window, bool]:
-    """The same where a rim of inf, one cell wide, lies about the cells, as far as ways cost no more than `most`.
+class Search:
+    """The same, as far as somebody asks: who asks for more goes on from there."""
 
-    Args:
-        dearest: no cell costs more.
-        entries: to be written to, shape (`most_entries`, 2).
-        out: filled, shape (rows, columns) as `cost`; inf before, wherever there are neighbours of cells that are
-            entered.
+    def __init__(
+        self, cost: Array, start: tuple[int, int], dearest: float, out: Array, entries: NDArray[np.int32]
+    ) -> None:
+        """
+        Args:
+            cost: as above, and a rim of inf, one cell wide, about it.
+            start: (row, column) with the rim.
+            dearest: no cell costs more.
+            out: filled; inf before, shape (rows, columns) as `cost`. What costs more than was asked for is not final.
+            entries: to be written to, shape (`most_entries`, 2).
+        """
+        self._cost, self.costs, self._entries = cost.reshape(-1), out, entries
+        size = 4  # of the round of buckets: a power of two, so that a mask finds the place in it
+        while size < math.ceil(_SQRT2 * dearest) + 2:
+            size *= 2
+        self._buckets = np.zeros(size, dtype=np.int32)
+        (row, column), self._columns = start, cost.shape[1]
+        self.costs[start], self._entries[1], self._buckets[0] = 0.0, (row * self._columns + column, 0), 1
+        self.state = np.array([2, 1, 0, row, row, column, column])
+        """Whatever `_spread` has to know to go on."""
+        self._farthest, self._more = 0.0, True
 
-    Returns:
-        The window within that the ways reach, and whether there are others, that cost more.
-    """
-    first_row, end_row, first_column, end_column, more = _spread(
-        cost.reshape(-1), cost.shape[1], *start, most, dearest, entries, out.reshape(-1)
-    )
-    return (first_row, end_row, first_column, end_column), more
+    def reach(self, most: float) -> bool:
+        """All that costs no more than this; whether there are others, that cost more."""
+        self._spread(most, -1)
+        return self._more or self._farthest > most
+
+    def reach_cell(self, row: int, column: int) -> None:
+        """This one, with the rim, if a way leads there."""
+        self._spread(math.inf, row * self._columns + column)
+
+    @property
+    def window(self) -> Window:
+        """Where ways have led so far."""
+        return window_of(self.state)
+
+    def _spread(self, most: float, goal: int) -> None:
+        if self._more and self.state[_LEVEL] <= most:
+            self._farthest, self._more = _spread(
+                *(self._cost, self._columns, most, goal, self._farthest),
+                *(self.state, self._buckets, self._entries, self.costs.reshape(-1)),
+            )
+
+
+def window_of(state: NDArray[np.int64]) -> Window:
+    """Where the ways of a search in this state have led."""
+    low_row, high_row, low_column, high_column = state[_LOW_ROW:].tolist()
+    return low_row, high_row + 1, low_column, high_column + 1
 
 
 def cheapest_way(cost: Array, costs: Array, end: tuple[int, int], reached: Window | None = None) -> Cells:
@@ -73,26 +108,19 @@ def cheapest_way(cost: Array, costs: Array, end: tuple[int, int], reached: Windo
 
 
 @kernel
-def _spread(costs, columns, row, column, most, dearest, entries, outs):  # type: ignore[no-untyped-def]
+def _spread(costs, columns, most, goal, farthest, state, buckets, entries, outs):  # type: ignore[no-untyped-def]
     """Bucket k holds the cells between k and k + 1 away. No step costs less than 1: they all are final at once.
 
     `costs` and `outs` are row after row of so many columns. A bucket is a list: a cell, and the entry that follows.
+    As far as `most`, or until the cell `goal` is final, unless that is -1; how far, and whether anything is left.
     """
-    size = 4  # of the round of buckets: a power of two, so that a mask finds the place in it
-    while size < math.ceil(_SQRT2 * dearest) + 2:
-        size *= 2
-    buckets = np.zeros(size, dtype=np.int32)
-    steps = np.empty(8, dtype=np.int64)
-    steps[0], steps[1], steps[2], steps[3] = -columns, -1, 1, columns
-    steps[4], steps[5], steps[6], steps[7] = -columns - 1, -columns + 1, columns - 1, columns + 1
-    at = row * columns + column
-    entries[1, 0], entries[1, 1], buckets[0] = at, 0, 1
-    outs[at] = 0.0
-    used, waiting, level = 2, 1, 0
-    low_row, high_row, low_column, high_column, more = row, row, column, column, False
-    while waiting > 0:
-        entry = buckets[level & (size - 1)]
-        buckets[level & (size - 1)] = 0
+    used, waiting, level = state[_USED], state[_WAITING], state[_LEVEL]
+    low_row, high_row = state[_LOW_ROW], state[_HIGH_ROW]
+    low_column, high_column = state[_LOW_COLUMN], state[_HIGH_COLUMN]
+    mask, a_row = len(buckets) - 1, 1.0 / columns
+    while waiting > 0 and level <= most and (goal < 0 or outs[goal] >= level):
+        entry = buckets[level & mask]
+        buckets[level & mask] = 0
         while entry > 0:
             at = np.int64(entries[entry, 0])
             entry = entries[entry, 1]
@@ -100,30 +128,44 @@ def _spread(costs, columns, row, column, most, dearest, entries, outs):  # type:
             here = outs[at]
             if here < level:  # was there already, by a cheaper way
                 continue
-            if here > most:
-                outs[at], more = np.inf, True
-                continue
-            row = at // columns
+            farthest = max(farthest, here)
+            row = int((at + 0.5) * a_row)
             column = at - row * columns
             low_row, high_row = min(low_row, row), max(high_row, row)
             low_column, high_column = min(low_column, column), max(high_column, column)
+            own = costs[at]
             for k in range(8):
-                to = at + steps[k]
-                total = here + 0.5 * (costs[at] + costs[to]) * (1.0 if k < 4 else _SQRT2)
-                if total >= outs[to]:  # so it is on the rim and wherever nobody may enter
+                if k < 4:
+                    to = at + (-columns if k == 0 else -1 if k == 1 else 1 if k == 2 else columns)
+                    total = here + 0.5 * (own + costs[to])
+                else:
+                    side, across = 1 if k & 1 else -1, -columns if k < 6 else columns
+                    to = at + side + across
+                    total = here + 0.5 * (own + costs[to]) * _SQRT2
+                before = outs[to]
+                if total >= before:  # so it is on the rim and wherever nobody may enter
                     continue
-                if k >= 4:
-                    side = 1 if k & 1 else -1
-                    if costs[at + side] == np.inf or costs[to - side] == np.inf:
-                        continue
+                if k >= 4 and (costs[at + side] == np.inf or costs[at + across] == np.inf):
+                    continue
                 outs[to] = total
-                bucket = int(total) & (size - 1)
+                if math.floor(total) == math.floor(before):  # waits in this bucket already
+                    continue
+                bucket = int(total) & mask
                 entries[used, 0], entries[used, 1] = to, buckets[bucket]
                 buckets[bucket] = used
                 used += 1
                 waiting += 1
         level += 1
-    return low_row, high_row + 1, low_column, high_column + 1, more
+    more = False
+    for bucket in range(mask + 1 if waiting > 0 else 0):
+        entry = buckets[bucket]
+        while entry > 0 and not more:
+            more = outs[entries[entry, 0]] >= level
+            entry = entries[entry, 1]
+    state[_USED], state[_WAITING], state[_LEVEL] = used, waiting, level
+    state[_LOW_ROW], state[_HIGH_ROW] = low_row, high_row
+    state[_LOW_COLUMN], state[_HIGH_COLUMN] = low_column, high_column
+    return farthest, more
 
 
 @kernel

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import sys
 import weakref
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from sonar_explore.mapping.distance import Distances
 from sonar_explore.mapping.grid import OCCUPIED, Cells, GridFrame, Mask, States
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.mapping.regions import WithoutHoles
-from sonar_explore.planning.cheapest import Window, cheapest_way, most_entries, spread_costs
+from sonar_explore.planning.cheapest import Search, Window, cheapest_way, most_entries, window_of
 from sonar_explore.planning.polyline import fewer_corners
 
 TOLERANCES_M = (0.10, 0.05, 0.025)  # how far a straightened path may leave the cells of the cheapest one
@@ -98,77 +99,73 @@ class SafePaths:
             came = _along(grid.frame, been) & (self._cell_costs[1:-1, 1:-1] == np.inf)
             self._cell_costs[1:-1, 1:-1][came] = dearest
         spare = grid.keeper("arrays of paths", _Spare)
-        first_row, end_row, first_column, end_column = self._window(grid, start, within_m, config)
-        self._costs = spare.costs(self._cell_costs.shape)
-        weakref.finalize(self, spare.take_back, self._costs).atexit = False
-        self._costs[first_row : end_row + 2, first_column : end_column + 2] = np.inf
-        entries = spare.entries((end_row - first_row) * (end_column - first_column))
-        most = within_m / grid.frame.resolution_m
-        self._reached, more = spread_costs(
-            self._cell_costs, _rimmed(start), most, dearest, entries, self._costs
-        )
-        self.within_m = within_m if more else math.inf
-        """Longer paths are left out, [m]; inf where there are none."""
+        self._search = spare.search(self._cell_costs, _rimmed(start), dearest)
+        self._leave_out(within_m)
 
-    def _window(
-        self, grid: OccupancyGrid, start: tuple[int, int], within_m: float, config: PlanningConfig
-    ) -> Window:
-        """The rows and columns that paths so long can lead to: about what is known of the map, for nothing else is
-        open, and about the start, for it may have to be left."""
-        res = grid.frame.resolution_m
-        reach = math.ceil(min(within_m / res, float(sum(grid.frame.shape)))) + 1
-        escape = math.ceil(config.escape_m / res) + 1
-        all_open = self.least_room_m <= config.unknown_credit_m - 0.5 * res
-        spans: list[int] = []
-        for (first, end), cells, at in zip(grid.known_spans, grid.frame.shape, start, strict=True):
-            if all_open or cells <= _speck_cells(config, res):  # an unknown speck may span the map
-                first, end = 0, cells
-            first, end = min(first, at - escape), max(end, at + escape + 1)
-            spans += [max(0, first, at - reach), min(cells, end, at + reach + 1)]
-        return spans[0], spans[1], spans[2], spans[3]
+    def as_far_as(self, within_m: float) -> SafePaths:
+        """Those that are no longer than this: they share what is known of them with these."""
+        paths = copy.copy(self)
+        paths._leave_out(within_m)
+        return paths
+
+    def _leave_out(self, beyond_m: float) -> None:
+        self._within_m = beyond_m
+        self._most = min(beyond_m / self.frame.resolution_m, sys.float_info.max)  # what costs inf is no way
+
+    @property
+    def within_m(self) -> float:
+        """Longer paths are left out, [m]; inf where there are none."""
+        return self._within_m if self._within_m < math.inf and self._search.reach(self._most) else math.inf
+
+    def _reached(self) -> Window:
+        """Where the paths lead, with the rim."""
+        self._search.reach(self._most)
+        return self._search.window
 
     @property
     def cost_m(self) -> Array:
         """Path length weighted by discomfort to each cell, shape (rows, columns), [m]; inf where there is no way."""
-        first_row, end_row, first_column, end_column = self._reached
-        costs = np.full(self._costs.shape, np.inf)
+        first_row, end_row, first_column, end_column = self._reached()
+        costs = np.full(self._cell_costs.shape, np.inf)
         part = np.s_[first_row:end_row, first_column:end_column]
-        costs[part] = self._costs[part] * self.frame.resolution_m
+        known = self._search.costs[part]
+        costs[part] = np.where(known <= self._most, known * self.frame.resolution_m, np.inf)
         return costs[1:-1, 1:-1]
 
     @property
     def within(self) -> Mask:
         """Cells that the body can be driven to, shape (rows, columns)."""
-        first_row, end_row, first_column, end_column = self._reached
+        first_row, end_row, first_column, end_column = self._reached()
         within: Mask = np.zeros(self.frame.shape, dtype=bool)
         part = np.s_[first_row - 1 : end_row - 1, first_column - 1 : end_column - 1]
-        within[part] = self._costs[first_row:end_row, first_column:end_column] < np.inf
+        known = self._search.costs[first_row:end_row, first_column:end_column]
+        within[part] = known <= self._most
         within[part] &= self.room_m[part] >= self.least_room_m
         return within
 
     def costs_to_m(self, cells: Cells) -> Array:
-        """`cost_m` of cells of the part reached, shape (n, 2): shape (n,)."""
-        return np.asarray(self._costs[cells[:, 0] + 1, cells[:, 1] + 1] * self.frame.resolution_m)
+        """`cost_m` of cells that paths lead to, shape (n, 2): shape (n,)."""
+        return np.asarray(self._search.costs[cells[:, 0] + 1, cells[:, 1] + 1] * self.frame.resolution_m)
 
     def roomiest(self, to_walls_m: Array, least_room_m: float, spacing_m: float) -> Cells:
         """In each square of a lattice, by its row and column, the cell with the most room that the body can be driven
         to and that is as far from walls, shape (n, 2)."""
-        frame, limits = self.frame, (self.least_room_m, least_room_m)
-        corner = frame.x0, frame.y0, frame.resolution_m
-        return np.asarray(
-            _roomiest(self._costs, self.room_m, to_walls_m, limits, self._reached, corner, spacing_m)
-        )
+        frame, limits = self.frame, (self._most, self.least_room_m, least_room_m)
+        corner, reached = (frame.x0, frame.y0, frame.resolution_m), self._reached()
+        costs = self._search.costs
+        return np.asarray(_roomiest(costs, self.room_m, to_walls_m, limits, reached, corner, spacing_m))
 
     def to(self, x: float, y: float) -> Array | None:
         """The way to a place as a polyline of cell centres, shape (n, 2), map frame, [m]; None where there is none."""
-        row, column = _rimmed(self.frame.cell(x, y))
-        first_row, end_row, first_column, end_column = self._reached
-        inside = first_row <= row < end_row and first_column <= column < end_column
-        if not inside or not np.isfinite(self._costs[row, column]):
+        row, column = self.frame.cell(x, y)
+        if not (0 <= row < self.frame.shape[0] and 0 <= column < self.frame.shape[1]):
             return None
-        return self.frame.centres(
-            cheapest_way(self._cell_costs, self._costs, (row, column), self._reached) - 1
-        )
+        end = _rimmed((row, column))
+        self._search.reach_cell(*end)
+        if not self._search.costs[end] <= self._most:
+            return None
+        way = cheapest_way(self._cell_costs, self._search.costs, end, self._search.window)
+        return self.frame.centres(way - 1)
 
 
 def _rimmed(cell: tuple[int, int]) -> tuple[int, int]:
@@ -180,26 +177,28 @@ class _Spare:
     """Arrays of paths that are no more, for the next ones: to touch fresh memory costs as much as to fill it."""
 
     def __init__(self) -> None:
-        self._costs: list[Array] = []
-        self._entries = np.empty((0, 2), dtype=np.int32)
+        self._held: list[tuple[Array, NDArray[np.int32]]] = []
 
-    def costs(self, shape: tuple[int, ...]) -> Array:
-        """One of this shape."""
-        while self._costs:
-            costs = self._costs.pop()
-            if costs.shape == shape:
-                return costs
-        return np.empty(shape)
+    def search(self, cell_costs: Array, start: tuple[int, int], dearest: float) -> Search:
+        """One that gives its arrays back."""
+        cells, held = cell_costs.size, None
+        while self._held and held is None:
+            held = self._held.pop()
+            held = held if len(held[0]) >= cells else None
+        if held is None:
+            room = cells + cells // 2
+            held = np.full(room, np.inf), np.empty((most_entries(room), 2), dtype=np.int32)
+        out = held[0][:cells].reshape(cell_costs.shape)
+        search = Search(cell_costs, start, dearest, out, held[1])
+        weakref.finalize(search, self._take_back, held, out, search.state).atexit = False
+        return search
 
-    def take_back(self, costs: Array) -> None:
-        """Nobody needs these any more."""
-        self._costs.append(costs)
-
-    def entries(self, cells: int) -> NDArray[np.int32]:
-        """As `spread_costs` takes them for so many cells."""
-        if len(self._entries) < most_entries(cells):
-            self._entries = np.empty((most_entries(cells + cells // 2), 2), dtype=np.int32)
-        return self._entries
+    def _take_back(self, held: tuple[Array, NDArray[np.int32]], out: Array, state: NDArray[np.int64]) -> None:
+        """Nobody needs these any more; what was written to, and that was nothing but neighbours of where ways led, is
+        inf again."""
+        first_row, end_row, first_column, end_column = window_of(state)
+        out[first_row - 1 : end_row + 1, first_column - 1 : end_column + 1] = np.inf
+        self._held.append(held)
 
 
 class _Ground:
@@ -331,7 +330,7 @@ def _roomiest(costs, room, to_walls, limits, reached, corner, spacing):  # type:
 
     `costs` and what is reached have a rim about the grid.
     """
-    least_room, least_to_walls = limits
+    most_cost, least_room, least_to_walls = limits
     first_row, end_row, first_column, end_column = reached
     first_row, end_row, first_column, end_column = (
         first_row - 1,
@@ -352,7 +351,7 @@ def _roomiest(costs, room, to_walls, limits, reached, corner, spacing):  # type:
     for row in range(first_row, end_row):
         i = int(math.floor(((row + 0.5) * resolution + y0) / spacing)) - lowest
         for column in range(first_column, end_column):
-            reachable = costs[row + 1, column + 1] < np.inf and room[row, column] >= least_room
+            reachable = costs[row + 1, column + 1] <= most_cost and room[row, column] >= least_room
             if reachable and to_walls[row, column] >= least_to_walls:
                 here, j = np.rint(room[row, column] * 1e6), square[column]
                 if here > most[i, j]:
@@ -387,8 +386,10 @@ def _least_room(points: Array, room_m: Array, frame: GridFrame) -> float:
 
 def sampled(path: Array, step_m: float) -> Array:
     """Points along a polyline at most a step apart, its corners among them, shape (k, 2), [m]."""
-    pieces = [path[:1]]
-    for a, b in pairwise(path):
-        count = max(1, math.ceil(math.hypot(*(b - a)) / step_m))
-        pieces.append(a + (b - a) * (np.arange(1, count + 1) / count)[:, None])
-    return np.vstack(pieces)
+    steps = path[1:] - path[:-1]
+    counts = np.array(
+        [max(1, math.ceil(math.hypot(x, y) / step_m)) for x, y in steps.tolist()], dtype=np.intp
+    )
+    step = np.repeat(np.arange(len(steps)), counts)
+    share = (np.arange(1, len(step) + 1) - (np.cumsum(counts) - counts)[step]) / counts[step]
+    return np.vstack([path[:1], path[step] + steps[step] * share[:, None]])

@@ -44,7 +44,9 @@ class Surroundings:
         self._grids: dict[bool, OccupancyGrid] = {}
         """Of the map as it is, believed and doubted: whichever was asked for."""
         self._plans: dict[tuple[bool, tuple[int, int], bool, bool], dict[float, SafePaths]] = {}
-        """By how far they look."""
+        """By how far they look,"""
+        self._searches: dict[tuple[bool, tuple[int, int], bool, bool], SafePaths] = {}
+        """and as far as anybody has looked."""
         self._scan_positions: Array | None = None
         self.version = 0
         """Counts the changes of the evidence."""
@@ -141,8 +143,7 @@ class Surroundings:
     def paths(self, pose: Pose, within_m: float = math.inf) -> SafePaths:
         """Safe paths from here to all that is no farther, by ways weighted by discomfort, [m]; those of before where
         neither the map nor the robot's cell has changed."""
-        here = self._plan_of(pose)
-        known = self._plans.setdefault(here, {})
+        known = self._known_paths(pose)
         if within_m not in known:
             plan = self.near_paths(pose, within_m)
             known[within_m] = known[plan.within_m] = plan
@@ -150,16 +151,18 @@ class Surroundings:
 
     def near_paths(self, pose: Pose, within_m: float) -> SafePaths:
         """The same without keeping them: for a look, not to go by."""
-        config, radius_m = self._config.planning, self._radius_m
-        been = self.way_so_far()[0] if self.retracing else None
-        return SafePaths(
-            self.grid, pose.x, pose.y, radius_m, config, daring=self.daring, within_m=within_m, been=been
-        )
+        here = self._plan_of(pose)
+        if here not in self._searches:
+            config, radius_m = self._config.planning, self._radius_m
+            been = self.way_so_far()[0] if self.retracing else None
+            self._searches[here] = SafePaths(
+                self.grid, pose.x, pose.y, radius_m, config, daring=self.daring, been=been
+            )
+        return self._searches[here].as_far_as(within_m)
 
     def paths_as_far_as(self, pose: Pose, way_m: float) -> SafePaths:
         """Safe paths from here to all that is no farther than this, and perhaps to more: those that are known."""
-        here = self._plan_of(pose)
-        known = [within_m for within_m in self._plans.get(here, {}) if within_m >= way_m]
+        known = [within_m for within_m in self._known_paths(pose) if within_m >= way_m]
         return self.paths(pose, min(known, default=math.inf))
 
     def beyond_belief(self, pose: Pose, way_m: float) -> Array:
@@ -206,6 +209,9 @@ class Surroundings:
     def _plan_of(self, pose: Pose) -> tuple[bool, tuple[int, int], bool, bool]:
         return self.doubtful, self.grid.frame.cell(pose.x, pose.y), self.daring, self.retracing
 
+    def _known_paths(self, pose: Pose) -> dict[float, SafePaths]:
+        return self._plans.setdefault(self._plan_of(pose), {})
+
     def _trails_so_far(self) -> list[Array]:
         if self._been:
             self._trails[-1] = np.concatenate([self._trails[-1], self._been])
@@ -217,3 +223,4 @@ class Surroundings:
         self._scan_positions = None
         self._grids.clear()
         self._plans.clear()
+        self._searches.clear()

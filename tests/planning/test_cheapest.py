@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from sonar_explore.planning.cheapest import cheapest_costs, cheapest_way
+from sonar_explore.planning.cheapest import Search, cheapest_costs, cheapest_way, most_entries
 
 seeds = st.integers(0, 10_000)
 
@@ -46,6 +46,34 @@ def test_the_costs_are_those_of_scipy(seed):
     graph = coo_array((weight, (first.astype(int), second.astype(int))), shape=(cost.size, cost.size))
     theirs = dijkstra(graph.tocsr(), indices=int(np.ravel_multi_index(start, cost.shape)))
     assert (cheapest_costs(cost, start).ravel() == theirs).all()
+
+
+@settings(max_examples=80, deadline=None)
+@given(seeds)
+def test_a_search_that_goes_on_finds_what_one_search_finds_and_tells_whether_there_is_more(seed):
+    cost, start, rng = ground(seed)
+    expected = cheapest_costs(cost, start)
+    rimmed, found = np.pad(cost, 1, constant_values=np.inf), np.full(np.add(cost.shape, 2), np.inf)
+    entries = np.zeros((most_entries(cost.size), 2), dtype=np.int32)
+    search = Search(
+        rimmed, (start[0] + 1, start[1] + 1), float(cost[np.isfinite(cost)].max()), found, entries
+    )
+    for _ in range(4):
+        row, column = (int(rng.integers(0, n)) for n in cost.shape)
+        if rng.integers(2):
+            search.reach_cell(row + 1, column + 1)
+            assert found[row + 1, column + 1] == expected[row, column]
+            continue
+        most = rng.uniform(0.0, 40.0)
+        assert search.reach(most) == bool((expected[np.isfinite(expected)] > most).any())
+        near = expected <= most
+        assert (found[1:-1, 1:-1][near] == expected[near]).all() and (found[1:-1, 1:-1][~near] > most).all()
+        first_row, end_row, first_column, end_column = search.window
+        inside = np.zeros(rimmed.shape, dtype=bool)
+        inside[first_row:end_row, first_column:end_column] = True
+        assert inside[1:-1, 1:-1][near].all()
+        inside[first_row - 1 : end_row + 1, first_column - 1 : end_column + 1] = True
+        assert (found[~inside] == np.inf).all()
 
 
 @settings(max_examples=80, deadline=None)
