@@ -13,7 +13,7 @@ import numpy as np
 from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array
 from sonar_explore.mapping.changes import Spans, whole_spans
-from sonar_explore.mapping.grid import Mask
+from sonar_explore.mapping.grid import Mask, grown
 
 _NONE = 2**31 - 1  # the square of the distance where there is none
 
@@ -46,20 +46,43 @@ class Distances:
         self._to: Mask = np.zeros((0, 0), dtype=bool)
         self._watches: list[Watch] = []
 
-    def of(self, to: Mask) -> Array:
-        """Shape (rows, columns), [m]; the array is written to at the next call."""
-        if self._to.shape != to.shape:
+    def of(self, to: Mask, at: tuple[int, int] = (0, 0)) -> Array:
+        """Shape (rows, columns), [m]; the array is written to at the next call. `at`: where a mask that has grown has
+        the first cell of the one before."""
+        if not self._to.size:
             self._down, self._squares = np.empty((2, *to.shape), dtype=np.int32)
             self._distances = np.empty(to.shape)
             _distances(to, self._down, self._squares, self._less, self._cell_m, self._distances)
             spans = whole_spans(to.shape)
         else:
             spans = np.empty((len(to), 2), dtype=np.int64)
+            spans[:] = to.shape[1], -1
+            if self._to.shape != to.shape:
+                self._grow(at, to.shape, spans)
             _renew(self._to, to, self._down, self._squares, self._less, self._cell_m, self._distances, spans)
         self._to = to.copy()
         for watch in self._watches:
             watch.widen(spans)
         return self._distances
+
+    def _grow(self, at: tuple[int, int], shape: tuple[int, int], spans: Spans) -> None:
+        """Go over to more rows and columns, none of whose cells are of the kind; which are new, into `spans`."""
+        (row, column), (rows, columns), far = at, self._to.shape, sum(shape)
+        down = np.where(self._down >= rows + columns, far, self._down)
+        self._to, self._down = grown(self._to, at, shape, False), grown(down, at, shape, far)
+        above, below = self._down[:row], self._down[row + rows :]
+        above[:] = np.minimum(self._down[row] + np.arange(row, 0, -1)[:, None], far)
+        below[:] = np.minimum(self._down[row + rows - 1] + np.arange(1, len(below) + 1)[:, None], far)
+        self._squares = grown(self._squares, at, shape, _NONE)
+        self._distances = grown(self._distances, at, shape, np.inf)
+        if column > 0:
+            spans[:] = 0, column - 1
+        if column + columns < shape[1]:
+            np.minimum(spans[:, 0], column + columns, out=spans[:, 0])
+            spans[:, 1] = shape[1] - 1
+        spans[:row] = spans[row + rows :] = 0, shape[1] - 1
+        for watch in self._watches:
+            watch.move(at, shape[0])
 
     def watch(self) -> Watch:
         """Tells from now on where they have changed; at first, everywhere."""
@@ -73,9 +96,17 @@ class Watch:
     def __init__(self, spans: Spans) -> None:
         self._spans = spans
 
+    def move(self, at: tuple[int, int], rows: int) -> None:
+        """What was the first cell lies there now; so many rows."""
+        before, self._spans = self._spans, np.empty((rows, 2), dtype=np.int64)
+        self._spans[:] = 2**31, -1
+        self._spans[at[0] : at[0] + len(before)] = (
+            before + at[1]
+        )  # of a row that has none, the first comes last still
+
     def widen(self, spans: Spans) -> None:
-        """There, too; everywhere where there were fewer rows or more before."""
-        if len(spans) != len(self._spans):
+        """There, too."""
+        if not len(self._spans):
             self._spans = spans.copy()
         np.minimum(self._spans[:, 0], spans[:, 0], out=self._spans[:, 0])
         np.maximum(self._spans[:, 1], spans[:, 1], out=self._spans[:, 1])
@@ -110,7 +141,8 @@ def _distances(to, down, squares, less, cell_m, out):  # type: ignore[no-untyped
 
 @kernel
 def _renew(before, to, down, squares, less, cell_m, out, spans):  # type: ignore[no-untyped-def]
-    """Go over from the distances to `before` to those to `to`; what was worked out anew of each row, into `spans`."""
+    """Go over from the distances to `before` to those to `to`. `spans`: what nothing is known of yet in each row, then
+    what was worked out anew."""
     rows, columns = to.shape
     far = rows + columns
     first, last = np.full(columns, rows), np.full(columns, -1)
@@ -122,14 +154,13 @@ def _renew(before, to, down, squares, less, cell_m, out, spans):  # type: ignore
             for c in range(columns):
                 if before[r, c] != to[r, c]:
                     first[c], last[c] = min(first[c], r), r
-    left, right = np.full(rows, columns), np.full(rows, -1)  # what changed down the columns, by rows
+    left, right = spans[:, 0], spans[:, 1]  # what changed down the columns, by rows
     above = np.empty(rows, dtype=np.int32)
     for c in range(columns):
         if last[c] >= 0:
             _down_again(to, down, c, first[c], last[c], far, above, left, right)
     envelope = np.empty((2, columns), dtype=np.int32)
     for r in range(rows):
-        spans[r, 0], spans[r, 1] = left[r], right[r]
         if right[r] >= 0:
             a, b = left[r], right[r]
             while a > 0 and squares[r, a - 1] >= (left[r] - (a - 1)) ** 2:

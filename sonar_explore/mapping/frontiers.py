@@ -9,9 +9,11 @@ import numpy as np
 
 from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.mapping.changes import changed_spans, whole_spans
-from sonar_explore.mapping.grid import FREE, UNKNOWN, Cells, Mask, States
+from sonar_explore.mapping.grid import FREE, UNKNOWN, Cells, GridFrame, Mask, States, grown, place_in
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.mapping.regions import labelled
+
+_OFF = 255  # no state of a cell: it was not on the map
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,19 +64,25 @@ class _Edge:
 
     def __init__(self, body_radius_m: float) -> None:
         self._body = body_radius_m
-        self._states: States = np.zeros((0, 0), dtype=np.uint8)
+        self._before: tuple[GridFrame, States] | None = None
         self._edge: Mask = np.zeros((0, 0), dtype=bool)
 
     def of(self, grid: OccupancyGrid) -> Cells:
-        states, to_walls = grid.states, grid.to_walls_m
-        if states.shape != self._states.shape:
+        states, to_walls, before = grid.states, grid.to_walls_m, self._before
+        if before is None:
             spans = whole_spans(states.shape)
             self._edge = np.zeros(states.shape, dtype=bool)
         else:  # a wall shuts cells as far away as the body reaches, and their neighbours are no edge then
-            felt = 2 + math.ceil(self._body / grid.frame.resolution_m)
-            spans = changed_spans(self._states, states, felt)
+            felt, (frame, was) = 2 + math.ceil(self._body / grid.frame.resolution_m), before
+            if frame != grid.frame:
+                at = place_in(frame, grid.frame)
+                was, self._edge = (
+                    grown(was, at, states.shape, _OFF),
+                    grown(self._edge, at, states.shape, False),
+                )
+            spans = changed_spans(was, states, felt)
         _mark_edge(states, to_walls, self._body, spans, self._edge)
-        self._states = states
+        self._before = grid.frame, states
         rows, columns = np.divmod(np.flatnonzero(self._edge), states.shape[1])
         return np.column_stack([rows, columns])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,12 +71,23 @@ class GridFrame:
         )
 
 
+def place_in(frame: GridFrame, target: GridFrame) -> tuple[int, int]:
+    """Row and column that the first cell of a frame has in another one of the same lattice."""
+    res = target.resolution_m
+    return round((frame.y0 - target.y0) / res), round((frame.x0 - target.x0) / res)
+
+
+def grown(array: NDArray[Any], at: tuple[int, int], shape: tuple[int, int], fill: Any) -> NDArray[Any]:
+    """An array in a larger one of this shape, its first cell there; filled about it."""
+    out = np.full(shape, fill, dtype=array.dtype)
+    out[at[0] : at[0] + array.shape[0], at[1] : at[1] + array.shape[1]] = array
+    return out
+
+
 def window(frame: GridFrame, states: States, target: GridFrame) -> States:
     """The part of a grid that falls on another frame of the same lattice; unknown where there is none."""
     out = np.zeros(target.shape, dtype=np.uint8)
-    row = round((frame.y0 - target.y0) / target.resolution_m)
-    column = round((frame.x0 - target.x0) / target.resolution_m)
-    rows, columns = frame.shape
+    (row, column), (rows, columns) = place_in(frame, target), frame.shape
     r0, r1 = max(0, row), min(target.shape[0], row + rows)
     c0, c1 = max(0, column), min(target.shape[1], column + columns)
     if r0 < r1 and c0 < c1:

@@ -24,7 +24,7 @@ from sonar_explore.geometry import Array, Pose
 from sonar_explore.mapping.cuts import cut_all_at_walls, in_reach
 from sonar_explore.mapping.distance import Distances
 from sonar_explore.mapping.evidence import Evidence
-from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States
+from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States, place_in
 from sonar_explore.mapping.looks import Look, MappingConfig
 from sonar_explore.mapping.rows import differing_rows
 from sonar_explore.mapping.sectors import Sectors, mark_points, mark_segments
@@ -81,12 +81,14 @@ class ToWalls:
     def __init__(self, cell_m: float) -> None:
         self.distances = Distances(cell_m=cell_m)
         self._states: States | None = None
+        self._frame: GridFrame | None = None
 
     def of(self, grid: OccupancyGrid) -> Array:
         """Shape (rows, columns), [m]."""
         if grid.states is not self._states:
-            self._states = grid.states
-            self._found = self.distances.of(grid.occupied)
+            at = (0, 0) if self._frame is None else place_in(self._frame, grid.frame)
+            self._states, self._frame = grid.states, grid.frame
+            self._found = self.distances.of(grid.occupied, at)
         return self._found
 
 

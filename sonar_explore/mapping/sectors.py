@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
 from sonar_explore.geometry import Array, Pose
-from sonar_explore.mapping.grid import FREE, OCCUPIED, UNKNOWN, GridFrame, Mask, States
+from sonar_explore.mapping.grid import FREE, OCCUPIED, UNKNOWN, GridFrame, Mask, States, grown, place_in
 
 Counts = NDArray[np.int32]
 _HAIR_M2 = 1e-9  # nearer than this to the square of a limit the exact distance decides
@@ -50,13 +50,10 @@ class Sectors:
         old, self._frame = self._frame, frame
         if old == frame:
             return
-        row, column = (0, 0) if old is None else _offset(old, frame)
+        at = (0, 0) if old is None else place_in(old, frame)
         for name in ("cleared", "core", "_body"):
-            counts = getattr(self, name)
-            grown = np.zeros(frame.shape, dtype=np.int32)
-            grown[row : row + counts.shape[0], column : column + counts.shape[1]] = counts
-            setattr(self, name, grown)
-        self._windows[:, :2] += row, column
+            setattr(self, name, grown(getattr(self, name), at, frame.shape, 0))
+        self._windows[:, :2] += at
 
     def put(self, scans: NDArray[np.int64], at: Array, clear_m: Array, core_m: Array) -> None:
         """What scans clear by direction, shape (k, n) both, [m]; replaces what they cleared before. New ones come in
@@ -132,11 +129,6 @@ class Sectors:
     def _at(self) -> tuple[float, float, float]:
         assert self._frame is not None
         return self._frame.x0, self._frame.y0, self._frame.resolution_m
-
-
-def _offset(old: GridFrame, new: GridFrame) -> tuple[int, int]:
-    """Row and column of the old frame's first cell in the new one."""
-    return round((old.y0 - new.y0) / new.resolution_m), round((old.x0 - new.x0) / new.resolution_m)
 
 
 def mark_segments(frame: GridFrame, evidence: Array, segments: Array, weight: float) -> None:

@@ -15,7 +15,7 @@ from scipy import ndimage
 from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array
 from sonar_explore.mapping.distance import Distances
-from sonar_explore.mapping.grid import OCCUPIED, Cells, GridFrame, Mask, States
+from sonar_explore.mapping.grid import OCCUPIED, Cells, GridFrame, Mask, States, grown, place_in
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.mapping.regions import WithoutHoles
 from sonar_explore.planning.cheapest import Search, Window, cheapest_way, most_entries, window_of
@@ -211,7 +211,9 @@ class _Ground:
         self._careful, self._to_walls = _kept_clearance(grid, config), grid.to_walls
         self._changed = [self._careful.distances.watch()]
         self._changed += [self._to_walls.distances.watch()] if daring else []
-        self._room: Array = np.zeros((0, 0))
+        self._frame = grid.frame
+        self._room: Array = np.empty(grid.frame.shape)
+        self._costs = np.full((grid.frame.shape[0] + 2, grid.frame.shape[1] + 2), np.inf)
 
     def of(self, grid: OccupancyGrid) -> tuple[Array, Array]:
         """Room of each cell, shape (rows, columns), [m]; and its cost, inf where there is too little and on a rim about
@@ -222,9 +224,10 @@ class _Ground:
         careful = self._careful.of(grid)
         to_walls = self._to_walls.of(grid) if self._daring else careful
         config, half_cell_m = self._config, 0.5 * grid.frame.resolution_m
-        if self._room.shape != careful.shape:
-            self._room = np.empty(careful.shape)
-            self._costs = np.full((careful.shape[0] + 2, careful.shape[1] + 2), np.inf)
+        if grid.frame != self._frame:
+            at, self._frame = place_in(self._frame, grid.frame), grid.frame
+            self._room = grown(self._room, at, careful.shape, 0.0) if self._daring else careful
+            self._costs = grown(self._costs, at, (careful.shape[0] + 2, careful.shape[1] + 2), np.inf)
         room = self._room = self._room if self._daring else careful
         limits = self._least, config.comfort_m, config.comfort_weight, config.blind_m, config.blind_weight
         for changed in self._changed:
@@ -259,11 +262,13 @@ class _Clearance:
         self._holes = WithoutHoles(most)
         self.distances = Distances(less=0.5, cell_m=cell_m)
         self._states: States | None = None
+        self._frame: GridFrame | None = None
 
     def of(self, grid: OccupancyGrid) -> Array:
         if grid.states is not self._states:
-            self._states = grid.states
-            self._found = self.distances.of(~(self._holes.of(grid.free) & ~grid.occupied))
+            at = (0, 0) if self._frame is None else place_in(self._frame, grid.frame)
+            self._states, self._frame = grid.states, grid.frame
+            self._found = self.distances.of(~(self._holes.of(grid.free) & ~grid.occupied), at)
         return self._found
 
 

@@ -15,11 +15,13 @@ seeds = st.integers(0, 10_000)
 
 
 def masks(rng, count=6):
-    """A mask, and others that differ in a few blocks each; now and then the grid grows."""
-    mask = rng.random(rng.integers(1, 45, 2)) < rng.choice([0.0, 0.02, 0.1, 0.5, 0.95])
+    """A mask, and others that differ in a few blocks each; now and then the grid grows. And where the first cell of the
+    one before is."""
+    mask, at = rng.random(rng.integers(1, 45, 2)) < rng.choice([0.0, 0.02, 0.1, 0.5, 0.95]), (0, 0)
     for _ in range(count):
-        yield mask
-        mask = np.pad(mask, 3) if rng.random() < 0.1 else mask.copy()
+        yield mask, at
+        more = rng.integers(0, 7, (2, 2)) * rng.integers(0, 2, (2, 2)) * (rng.random() < 0.3)
+        mask, at = np.pad(mask, more, constant_values=bool(rng.integers(2))), tuple(more[:, 0].tolist())
         for _ in range(rng.integers(0, 4)):
             row, column = rng.integers(0, mask.shape)
             block = mask[row : row + rng.integers(1, 9), column : column + rng.integers(1, 9)]
@@ -32,8 +34,16 @@ def test_distances_that_are_carried_on_are_those_from_nothing(seed):
     rng = np.random.default_rng(seed)
     less, cell_m = rng.choice([0.0, 0.5]), rng.choice([1.0, 0.05])
     kept = Distances(less, cell_m)
-    for mask in masks(rng):
-        assert (kept.of(mask) == (distances(mask) - less) * cell_m).all()
+    watch, told = kept.watch(), np.zeros((0, 0))
+    for mask, at in masks(rng):
+        before, found = told, kept.of(mask, at)
+        assert (found == (distances(mask) - less) * cell_m).all()
+        columns = np.arange(mask.shape[1])
+        inside = [(first <= columns) & (columns <= last) for first, last in watch.take()]
+        told = np.full(mask.shape, np.nan)
+        told[at[0] : at[0] + before.shape[0], at[1] : at[1] + before.shape[1]] = before
+        told[np.array(inside)] = found[np.array(inside)]
+        assert (told == found).all()  # whatever changed, or is new, was told of
 
 
 @settings(max_examples=100, deadline=None)
@@ -41,7 +51,7 @@ def test_distances_that_are_carried_on_are_those_from_nothing(seed):
 def test_holes_that_are_carried_on_are_those_from_nothing(seed):
     rng = np.random.default_rng(seed)
     kept = WithoutHoles(most := int(rng.integers(1, 25)))
-    for mask in masks(rng):
+    for mask, _ in masks(rng):
         assert (kept.of(mask) == without_holes(mask, most)).all()
 
 

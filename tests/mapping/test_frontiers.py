@@ -67,3 +67,23 @@ def test_frontiers_are_the_regions_that_dilating_the_unknown_gives(seed):
     regions = regionprops(label((states == FREE) & way & beside, connectivity=2))
     expected = {r.coords.tobytes() for r in regions if len(r.coords) * FRAME.resolution_m >= 0.15}
     assert {f.cells.tobytes() for f in find_frontiers(grid, BODY_M, 0.15)} == expected
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_frontiers_of_one_map_after_another_are_those_of_each_map_alone(seed):
+    rng, kept = np.random.default_rng(seed), dict[str, object]()
+    states = ndimage.zoom(rng.choice([UNKNOWN, FREE, FREE, OCCUPIED], (5, 6)), 9, order=0).astype(np.uint8)
+    frame = GridFrame(0.0, 0.0, 0.05, states.shape)
+    for _ in range(5):
+        going_on, alone = (find_frontiers(OccupancyGrid(frame, states, k), BODY_M, 0.15) for k in (kept, {}))
+        assert [f.cells.tolist() for f in going_on] == [f.cells.tolist() for f in alone]
+        more = rng.integers(0, 4, (2, 2)) * rng.integers(0, 2, (2, 2))  # the map grows
+        states = np.pad(states, more)
+        frame = GridFrame(
+            frame.x0 - 0.05 * more[1, 0],
+            frame.y0 - 0.05 * more[0, 0],
+            0.05,
+            (states.shape[0], states.shape[1]),
+        )
+        row, column = rng.integers(0, states.shape)
+        states[row : row + 9, column : column + 9] = rng.integers(3)
