@@ -44,11 +44,12 @@ def compiling_beside() -> Iterator[Beside]:
 
     class Listener(event.Listener):
         def on_start(self, event: Any) -> None:
+            """Before numba compiles."""
             function = event.data["dispatcher"].py_func
             beside.compiling(f"{function.__module__}:{function.__name__}")
 
         def on_end(self, event: Any) -> None:
-            pass
+            """numba asks for one."""
 
     with event.install_listener("numba:compile", Listener()):
         try:

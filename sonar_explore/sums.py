@@ -28,6 +28,7 @@ with contextlib.suppress(ImportError):
     @intrinsic
     def _fused(typing: Any, a: Any, b: Any, c: Any) -> Any:
         def instruction(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            """What the compiler puts there."""
             return builder.fma(*values)
 
         return types.float64(types.float64, types.float64, types.float64), instruction

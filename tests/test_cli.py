@@ -119,6 +119,14 @@ def test_a_world_that_is_nearly_there_is_named(name: str, near: str) -> None:
         load_world(name)
 
 
+def test_a_run_in_a_drawing_says_what_scale_was_assumed(
+    capsys: Capture, folder: Path, runner: SimpleNamespace
+) -> None:
+    for world, told in (("plan.png", True), ("plan.png?resolution=0.02", False), ("paper/rooms", False)):
+        assert cli.main(["run", world]) == 0
+        assert ("scale: 0.05 m a pixel is assumed" in capsys.readouterr().out) is told
+
+
 def test_an_unknown_name_is_refused_in_one_line_and_no_folder_stays(
     capsys: Capture, folder: Path, runner: SimpleNamespace
 ) -> None:

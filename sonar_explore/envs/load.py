@@ -90,11 +90,11 @@ def load_world(
 
 def assumed_scale(name: str) -> str:
     """What was taken for the scale of a drawing that leaves it open; empty where nothing was."""
-    from sonar_explore.envs.readers.image import DEFAULT_RESOLUTION_M
-
     file, options = _split_options(name)
     if Path(file).suffix.lower() not in (".png", ".pgm") or "resolution" in options:
         return ""
+    from sonar_explore.envs.readers.image import DEFAULT_RESOLUTION_M
+
     return f"{DEFAULT_RESOLUTION_M:g} m a pixel is assumed; FILE?resolution=... says another"
 
 

@@ -119,6 +119,7 @@ class WorkersVectorEnv(VectorEnv[Batch, NDArray[Any], NDArray[Any]]):
         infos: Info = {}
 
         def take(share: slice, told: list[tuple[int, Info]]) -> None:
+            """What a worker tells of its environments."""
             self._put_together(infos, share, told)
 
         self._answers(asked, take)
@@ -138,6 +139,7 @@ class WorkersVectorEnv(VectorEnv[Batch, NDArray[Any], NDArray[Any]]):
         infos: Info = {}
 
         def take(share: slice, answer: Any) -> None:
+            """What a worker's environments came to."""
             rewards[share], terminations[share], truncations[share], told = answer
             self._put_together(infos, share, told)
             if self._copy:

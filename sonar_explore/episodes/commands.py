@@ -66,6 +66,7 @@ def run(
     log: Path | None,
 ) -> None:
     """Explore WORLD, a name or a world file, and report on it."""
+    from sonar_explore.envs.load import assumed_scale
     from sonar_explore.episodes.files import save_record, writable_folder
 
     chosen = _not_default(scan, sensor, max_scans)
@@ -83,6 +84,8 @@ def run(
         click.echo(msgspec.json.encode(record.summary).decode())
     else:
         _print_summary(record)
+        if assumed := assumed_scale(world):
+            click.echo(f"scale: {assumed}")
         click.echo(f"report: {report_file}")
         if log is not None:
             click.echo(f"log: {log}")

@@ -12,7 +12,7 @@ from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array
 from sonar_explore.mapping.grid import Cells, Mask
 from sonar_explore.mapping.occupancy import OccupancyGrid
-from sonar_explore.planning.expected import ChainSpans, expected_chains
+from sonar_explore.planning.expected import ChainRows, ChainSpans, expected_chains
 from sonar_explore.planning.paths import SafePaths
 from sonar_explore.planning.unseen import new_area
 from sonar_explore.slam.chains import Chain
@@ -105,10 +105,7 @@ class CandidateFinder:
             return ()
         area = new_area(grid, cells, self._body, worth.view_m)
         known = self._spans.of(chains)
-        spans, dangling = known.spans, np.zeros(len(chains), dtype=bool)
-        if tried is not None:
-            for i in np.flatnonzero(known.dangling).tolist():
-                dangling[i] = tried.get(known.ids[i], 0) < 2
+        spans, dangling = known.spans, _sought(known, tried)
         meets = np.zeros(len(places), dtype=bool)
         if dangling.any():
             meets = self._answered(places, spans[dangling], grid)
@@ -155,6 +152,15 @@ class CandidateFinder:
         order = order[score[order] > 0.0]
         alone = _apart(places[order], 2.0 * self._config.spacing_m)
         return [int(i) for i in np.concatenate([order[alone], order[~alone]])[: self._config.most]]
+
+
+def _sought(known: ChainRows, tried: Mapping[int, int] | None) -> Mask:
+    """The chains whose missing link is worth looking for, shape (n,)."""
+    sought = np.zeros(len(known.ids), dtype=bool)
+    if tried is not None:
+        for i in np.flatnonzero(known.dangling).tolist():
+            sought[i] = tried.get(known.ids[i], 0) < 2
+    return sought
 
 
 def _away_from(places: Array, taken: Array, least_m: float) -> Mask:

@@ -205,6 +205,7 @@ def small_multiple(title: str, x_label: str, spots: Sequence[Spot], top: float |
     step = (width - left - right) / max(1, len(spots))
 
     def y(value: float) -> float:
+        """Place of a value on the y axis, [units]; rising values go up."""
         return round(height - bottom - min(value, highest) / highest * (height - head - bottom), 1)
 
     parts = [

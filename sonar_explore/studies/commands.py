@@ -43,6 +43,7 @@ def _options(
     ]
 
     def decorated(command: Callable[..., None]) -> Callable[..., None]:
+        """The command with all of them, in this order on its help page."""
         for part in reversed(parts):
             command = part(command)
         return command

@@ -201,6 +201,7 @@ def _spanning_tree(
     group = list(range(count))
 
     def root(i: int) -> int:
+        """The cell that stands for the group of this one."""
         while group[i] != i:
             i = group[i]
         return i

@@ -234,6 +234,7 @@ def _merge_runs(ring: Array, ends: list[int], tolerance: float) -> list[int]:
     n, ends = len(ring), list(ends)
 
     def misfit(k: int) -> float:
+        """How far off one line through both runs at this corner is; inf where they are none."""
         i, j = ends[k - 1], ends[(k + 1) % len(ends)]
         i, j = (i - n if k == 0 else i), (j + n if k == len(ends) - 1 else j)
         turned_back = (ring[ends[k]] - ring[i % n]) @ (ring[j % n] - ring[ends[k]]) <= 0.0

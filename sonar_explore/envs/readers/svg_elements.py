@@ -46,6 +46,7 @@ def parse_xml(path: Path, data: bytes) -> Element:
     open_elements, count = [root], 0
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
+        """An element opens."""
         nonlocal count
         count += 1
         if count > MAX_ELEMENTS or len(open_elements) > MAX_DEPTH:
@@ -55,6 +56,7 @@ def parse_xml(path: Path, data: bytes) -> Element:
         open_elements.append(element)
 
     def entity(name: str, _: bool, value: str | None, *__: str | None) -> None:
+        """An entity is declared: one that is short and plain is let pass."""
         if value is None or len(value) > MAX_ENTITY or "&" in value:
             raise ValueError(f"the entity {name[:40]!r} is refused")
 

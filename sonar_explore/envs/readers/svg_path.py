@@ -128,6 +128,7 @@ def _draw(pen: _Pen, scanner: _Scanner, command: str) -> None:
     x0, y0 = pen.at if command.islower() else (0.0, 0.0)
 
     def point() -> Point:
+        """The next two numbers, relative to the pen where the command is."""
         x = x0 + scanner.number()
         return x, y0 + scanner.number()
 
@@ -179,6 +180,7 @@ def arc(
     middle = (begin[0] + end[0]) / 2, (begin[1] + end[1]) / 2
 
     def place(u: float, v: float) -> Point:
+        """A point of the unit circle back on the ellipse."""
         u, v = rx * (u + cx), ry * (v + cy)
         return c * u - s * v + middle[0], s * u + c * v + middle[1]
 

@@ -112,6 +112,7 @@ def comparison_of(
 
 def _row(noise: str, world: str, slam: str, found: Sequence[Accuracy]) -> ArmRow:
     def over(value: Callable[[Accuracy], float]) -> Spread:
+        """The spread of a value over the drives."""
         spread = _spread([value(a) for a in found])
         assert spread is not None
         return spread

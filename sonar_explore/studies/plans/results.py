@@ -170,6 +170,7 @@ def _ways(record: EpisodeRecord) -> Callable[[float, float], bool]:
     here = frame.cell(record.steps[-1].pose[0], record.steps[-1].pose[1])
 
     def way(x: float, y: float) -> bool:
+        """Whether it has one to x, y, [m]."""
         cell = frame.cell(x, y)
         if not frame.contains(np.array([cell, here])).all():
             return False

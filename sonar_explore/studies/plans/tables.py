@@ -28,6 +28,7 @@ def goal_lines(study: PlansStudy) -> list[str]:
     within = rate(sum(r <= MOST_RATIO for r in ratios), len(ratios))
 
     def verdict(reached: bool) -> str:
+        """In a word."""
         return "reached" if reached else "missed"
 
     return [

@@ -66,6 +66,7 @@ def tour_of(world: World, config: ExplorationConfig | None = None) -> Tour:
     body = config.simulator.robot.radius_m
 
     def paths(x: float, y: float, daring: bool) -> SafePaths:
+        """The ways from here on the true map."""
         return SafePaths(grid, x, y, body, config.planning, daring=daring)
 
     start = world.start

@@ -51,6 +51,7 @@ def fit_beam(verdicts: Sequence[Verdict]) -> BeamFit:
     half = np.degrees([0.5 * f.width_rad for f in true])
 
     def off(x: Array) -> float:
+        """Sum of the deviations for x = (s, heard), [deg]."""
         return float(np.abs(half_angle_deg(x[0], x[1], range_m) - half).sum())
 
     s, heard = optimize.minimize(off, (20.0, 20.0), method="Nelder-Mead").x
