@@ -41,7 +41,7 @@ from sonar_explore.planning.candidates import _apart, _none_near
 compile_beside.KERNELS, compile_beside.usable_cores = Path(sys.argv[1]), lambda: 2
 places = np.zeros((2, 2))
 with compile_beside.compiling_beside() as beside:
-    _apart(places, 1.0)
+    _apart(places, 1.0, np.zeros(1, dtype=np.int64))
     beside.process.join(60)
     assert not beside.process.is_alive()
 _none_near(places, places, 1.0)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from sonar_explore.amigobot import AmigoBot
+from sonar_explore.compiled import kernel
 from sonar_explore.envs.world import World
 from sonar_explore.episodes.lattice import (
     Lattice,
@@ -170,22 +171,29 @@ def cast_rays(x: float, y: float, walls: Array, cylinders: Array) -> Array:
     """Distance from (x, y) to the first wall (n, 4) or cylinder (m, 3) along 720 rays, 2 m at most, [m]."""
     ux, uy = _directions()
     ranges = np.full(_RAYS, VIEW_M)
-    ax, ay = walls[:, :1] - x, walls[:, 1:2] - y
-    bx, by = walls[:, 2:3] - x, walls[:, 3:] - y
-    # A ray meets a wall whose ends lie on both its sides; that is, or ends on it.
-    side_a, side_b = ux * ay - uy * ax, ux * by - uy * bx
-    crosses = (side_a * side_b <= 0.0) & (side_a != side_b)
-    share = np.divide(side_a, side_a - side_b, out=np.zeros_like(side_a), where=crosses)
-    along = ux * (ax + share * (bx - ax)) + uy * (ay + share * (by - ay))
-    np.minimum(
-        ranges, np.where(crosses & (along >= 0.0), along, np.inf).min(axis=0, initial=np.inf), out=ranges
-    )
+    _meet_walls(ux, uy, np.ascontiguousarray(walls), x, y, ranges)
     near = np.hypot(cylinders[:, 0] - x, cylinders[:, 1] - y) - cylinders[:, 2] <= VIEW_M
     for cx, cy, radius in cylinders[near]:
         middle, beside = ux * (cx - x) + uy * (cy - y), ux * (cy - y) - uy * (cx - x)
         hit = middle - np.sqrt(np.maximum(radius**2 - beside**2, 0.0))
         ranges = np.where((np.abs(beside) <= radius) & (hit >= 0.0), np.minimum(ranges, hit), ranges)
     return ranges
+
+
+@kernel
+def _meet_walls(ux, uy, walls, x, y, ranges):  # type: ignore[no-untyped-def]
+    """A ray meets a wall whose ends lie on both its sides; that is, or ends on it.
+
+    No branches: several rays at a time.
+    """
+    for k in range(len(walls)):
+        ax, ay, bx, by = walls[k, 0] - x, walls[k, 1] - y, walls[k, 2] - x, walls[k, 3] - y
+        for i in range(len(ranges)):
+            side_a, side_b = ux[i] * ay - uy[i] * ax, ux[i] * by - uy[i] * bx
+            crosses = (side_a * side_b <= 0.0) & (side_a != side_b)
+            share = side_a / (side_a - side_b if crosses else 1.0)
+            along = ux[i] * (ax + share * (bx - ax)) + uy[i] * (ay + share * (by - ay))
+            ranges[i] = along if crosses & (along >= 0.0) & (along < ranges[i]) else ranges[i]
 
 
 @cache

@@ -49,17 +49,18 @@ class Distances:
     def of(self, to: Mask, at: tuple[int, int] = (0, 0)) -> Array:
         """Shape (rows, columns), [m]; the array is written to at the next call. `at`: where a mask that has grown has
         the first cell of the one before."""
+        spans = np.empty((len(to), 2), dtype=np.int64)
+        spans[:] = to.shape[1], -1
         if not self._to.size:
-            self._down, self._squares = np.empty((2, *to.shape), dtype=np.int32)
-            self._distances = np.empty(to.shape)
-            _distances(to, self._down, self._squares, self._less, self._cell_m, self._distances)
-            spans = whole_spans(to.shape)
-        else:
-            spans = np.empty((len(to), 2), dtype=np.int64)
-            spans[:] = to.shape[1], -1
-            if self._to.shape != to.shape:
-                self._grow(at, to.shape, spans)
-            _renew(self._to, to, self._down, self._squares, self._less, self._cell_m, self._distances, spans)
+            self._to = np.zeros(to.shape, dtype=bool)
+            self._down, self._squares = (
+                np.full(to.shape, sum(to.shape), dtype=np.int32),
+                np.full(to.shape, _NONE, np.int32),
+            )
+            self._distances, spans = np.empty(to.shape), whole_spans(to.shape)
+        elif self._to.shape != to.shape:
+            self._grow(at, to.shape, spans)
+        _renew(self._to, to, self._down, self._squares, self._less, self._cell_m, self._distances, spans)
         self._to = to.copy()
         for watch in self._watches:
             watch.widen(spans)
@@ -119,30 +120,12 @@ class Watch:
 
 
 @kernel
-def _distances(to, down, squares, less, cell_m, out):  # type: ignore[no-untyped-def]
-    """`down` becomes the distance within each column, `squares` the square of that to any cell, both in cells."""
-    rows, columns = to.shape
-    far = rows + columns  # farther than any cell
-    for c in range(columns):
-        down[0, c] = 0 if to[0, c] else far
-    for r in range(1, rows):
-        for c in range(columns):
-            down[r, c] = 0 if to[r, c] else min(far, down[r - 1, c] + 1)
-    for r in range(rows - 2, -1, -1):
-        for c in range(columns):
-            down[r, c] = min(down[r, c], down[r + 1, c] + 1)
-    envelope = np.empty((2, columns), dtype=np.int32)
-    # a plain 0 is a constant: what it is handed to would be compiled twice
-    first, last = np.int64(0), columns - 1
-    for r in range(rows):
-        _along(down[r], far, first, last, first, last, envelope, squares[r])
-        _root(squares[r], less, cell_m, first, last, out[r])
-
-
-@kernel
 def _renew(before, to, down, squares, less, cell_m, out, spans):  # type: ignore[no-untyped-def]
     """Go over from the distances to `before` to those to `to`. `spans`: what nothing is known of yet in each row, then
-    what was worked out anew."""
+    what was worked out anew.
+
+    `down` is the distance within each column, `squares` the square of that to any cell, both in cells.
+    """
     rows, columns = to.shape
     far = rows + columns
     first, last = np.full(columns, rows), np.full(columns, -1)

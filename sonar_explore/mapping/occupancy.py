@@ -211,10 +211,9 @@ class OccupancyMapper:
     def _evidence_of(self, frame: GridFrame, found: _Walls, doubtful: bool) -> tuple[Array, Array]:
         """For walls and for gaps that are none, in each cell, shape (rows, columns) both."""
         cfg = self._config
-        # kept from map to map: fresh memory costs more than filling it
+        # kept from map to map, and 0 but while one is drawn: fresh memory costs more
         if self._evidence.shape[1:] != frame.shape:
-            self._evidence, self._marked = np.empty((2, *frame.shape)), np.zeros(frame.shape, dtype=bool)
-        self._evidence.fill(0.0)
+            self._evidence, self._marked = np.zeros((2, *frame.shape)), np.zeros(frame.shape, dtype=bool)
         walls, gaps = self._evidence
         mark_segments(frame, walls, found.walls, cfg.wall_weight)
         mark_segments(frame, walls, found.walls[found.fresh], cfg.fresh_weight)

@@ -117,7 +117,7 @@ class Sectors:
 
     def states(self, walls: Array, gaps: Array, core_weight: float, body_weight: float) -> States:
         """Occupied where there is more evidence of a wall, or of a gap that is none, than against it; free where
-        something cleared the cell; else unknown; shape (rows, columns) all."""
+        something cleared the cell; else unknown; shape (rows, columns) all. The evidence is 0 afterwards."""
         states = np.zeros(walls.shape, dtype=np.uint8)
         _decide(walls, gaps, self.cleared, self.core, self._body, core_weight, body_weight, states)
         return states
@@ -154,6 +154,7 @@ def _decide(walls, gaps, cleared, core, body, core_weight, body_weight, states):
             against = against if against > 0.0 else 0.0
             known = been | (cleared[row, column] > 0) | (sure > 0)
             shut = (wall if wall > gap else gap) > against
+            walls[row, column] = gaps[row, column] = 0.0
             states[row, column] = OCCUPIED if shut else (FREE if known else UNKNOWN)
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array
@@ -16,6 +18,8 @@ from sonar_explore.planning.expected import ChainRows, ChainSpans, expected_chai
 from sonar_explore.planning.paths import SafePaths
 from sonar_explore.planning.unseen import new_area
 from sonar_explore.slam.chains import Chain
+
+_HAIR_M2 = 1e-9  # nearer than this to the square of a limit the exact distance decides
 
 
 @dataclass(frozen=True)
@@ -118,20 +122,30 @@ class CandidateFinder:
         rank = np.where(enough, area, 0.0) + 0.2 * meets
         chosen = self._spread(places, np.where(enough | meets, rank / (1.0 + length), 0.0))
         answers = self._answers(places[chosen], spans, grid)
-        certainty = _certainty(known.certain, known.directions, answers)
-        ids = np.array(known.ids, dtype=np.intp)
+        place, answering = np.nonzero(answers)
+        certainty = _certainty(known.certain, known.directions, place, answering, len(chosen))
+        ids = [known.ids[i] for i in answering.tolist()]
+        missing = dangling[answering].tolist()
+        ends = np.cumsum(np.bincount(place, minlength=len(chosen))).tolist()
         return tuple(
             Candidate(
                 x=x,
                 y=y,
-                path_length_m=float(length[i]),
-                new_area_m2=float(area[i]),
-                chains=tuple(ids[answering].tolist()),
+                path_length_m=length_m,
+                new_area_m2=area_m2,
+                chains=tuple(ids[first:end]),
                 certainty=sure,
-                missing_links=tuple(ids[answering & dangling].tolist()) if meets[i] else (),
+                missing_links=tuple(compress(ids[first:end], missing[first:end])) if meeting else (),
             )
-            for i, (x, y), answering, sure in zip(
-                chosen, places[chosen].tolist(), answers, certainty.tolist(), strict=True
+            for (x, y), length_m, area_m2, meeting, sure, first, end in zip(
+                places[chosen].tolist(),
+                length[chosen].tolist(),
+                area[chosen].tolist(),
+                meets[chosen].tolist(),
+                certainty.tolist(),
+                [0, *ends],
+                ends,
+                strict=False,
             )
         )
 
@@ -146,12 +160,13 @@ class CandidateFinder:
         """Which cells, shape (n, 2), are far enough from known walls for a scan, shape (n,)."""
         return np.asarray(grid.to_walls_m[cells[:, 0], cells[:, 1]] >= self._config.least_room_m)
 
-    def _spread(self, places: Array, score: Array) -> list[int]:
+    def _spread(self, places: Array, score: Array) -> NDArray[np.int64]:
         """The best places, none within twice the lattice spacing of a better one while others are left."""
-        order = np.lexsort((np.arange(len(score)), -score))
-        order = order[score[order] > 0.0]
-        alone = _apart(places[order], 2.0 * self._config.spacing_m)
-        return [int(i) for i in np.concatenate([order[alone], order[~alone]])[: self._config.most]]
+        order = np.argsort(-score, kind="stable")
+        order = order[: np.count_nonzero(score > 0.0)]
+        chosen = np.empty(min(self._config.most, len(order)), dtype=np.int64)
+        _apart(places[order], 2.0 * self._config.spacing_m, chosen)
+        return np.asarray(order[chosen])
 
 
 def _sought(known: ChainRows, tried: Mapping[int, int] | None) -> Mask:
@@ -191,27 +206,53 @@ def _none_near(places, taken, least):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _apart(places, least):  # type: ignore[no-untyped-def]
-    """Which places, best first, have none of the better ones that do within a distance, shape (n,)."""
-    alone = np.ones(len(places), dtype=np.bool_)
+def _apart(places, least, chosen):  # type: ignore[no-untyped-def]
+    """Which places, best first: those with none of them that are better within a distance, then others; as many as
+    there is room for."""
+    count, left, others = 0, 0, np.empty(len(places), dtype=np.int64)
     for i in range(len(places)):
-        for j in range(i):
-            if alone[j] and math.hypot(places[i, 0] - places[j, 0], places[i, 1] - places[j, 1]) < least:
-                alone[i] = False
+        if count == len(chosen):
+            break
+        alone = True
+        for k in range(count):
+            dx, dy = places[i, 0] - places[chosen[k], 0], places[i, 1] - places[chosen[k], 1]
+            square = dx * dx + dy * dy
+            if square < least * least - _HAIR_M2 or (
+                square < least * least + _HAIR_M2 and math.hypot(dx, dy) < least
+            ):
+                alone = False
                 break
-    return alone
+        if alone:
+            chosen[count] = i
+            count += 1
+        else:
+            others[left] = i
+            left += 1
+    for k in range(len(chosen) - count):
+        chosen[count + k] = others[k]
 
 
-def _certainty(probabilities: Array, directions: Array, answers: Mask) -> Array:
-    """How sure the position is across and along the surest chain that answers at each place: 0 to 2, shape (n,).
+def _certainty(
+    probabilities: Array,
+    directions: Array,
+    place: NDArray[np.intp],
+    answering: NDArray[np.intp],
+    places: int,
+) -> Array:
+    """How sure the position is across and along the surest chain that answers at each of so many places: 0 to 2.
 
     Args:
         probabilities, directions: P(root) and direction [rad] of each chain, shape (k,).
-        answers: which chains answer at which place, shape (n, k).
+        place, answering: at which place which chain answers, by places, shape (n,) both.
     """
-    if not answers.any():
-        return np.zeros(len(answers))
-    surest = np.argmax(np.where(answers, probabilities, -1.0), axis=1)
-    crossing = np.abs(np.sin(directions - directions[surest, None])) * probabilities
-    sure = probabilities[surest] + np.where(answers, crossing, 0.0).max(axis=1)
-    return np.where(answers.any(axis=1), sure, 0.0)
+    out = np.zeros(places)
+    if len(place):
+        certain = probabilities[answering]
+        begins = np.flatnonzero(np.diff(place, prepend=-1))
+        most = np.maximum.reduceat(certain, begins)
+        which = np.cumsum(np.diff(place, prepend=place[0]) > 0)
+        first = np.flatnonzero(certain == most[which])  # the surest ones, of each place the first
+        surest = answering[first[np.searchsorted(first, begins)]]
+        crossing = np.abs(np.sin(directions[answering] - directions[surest][which])) * certain
+        out[place[begins]] = most + np.maximum.reduceat(crossing, begins)
+    return out

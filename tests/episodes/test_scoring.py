@@ -82,6 +82,31 @@ def test_a_wall_hides_what_is_behind_it() -> None:
     assert scorer.explored_fraction(np.array([[0.4, 0.4]])) < 0.75
 
 
+def plain_ranges(x: float, y: float, walls: Array) -> Array:
+    """All rays and all walls at once."""
+    angle = np.arange(720) * (2 * np.pi / 720)
+    ux, uy = np.cos(angle), np.sin(angle)
+    (ax, ay), (bx, by) = (
+        walls[:, end : end + 2].T[:, :, None] - np.array([x, y])[:, None, None] for end in (0, 2)
+    )
+    side_a, side_b = ux * ay - uy * ax, ux * by - uy * bx
+    crosses = (side_a * side_b <= 0.0) & (side_a != side_b)
+    share = np.divide(side_a, side_a - side_b, out=np.zeros_like(side_a), where=crosses)
+    along = ux * (ax + share * (bx - ax)) + uy * (ay + share * (by - ay))
+    met: Array = np.where(crosses & (along >= 0.0), along, np.inf).min(axis=0, initial=2.0)
+    return met
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rays_end_at_the_nearest_wall(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(-1.0, 1.0, 2)
+    walls = rng.uniform(-3.0, 3.0, (rng.integers(0, 12), 4)).round(rng.integers(0, 3))
+    walls = np.vstack([walls, [x, y, x + 1.0, y], [x - 1.0, y, x + 1.0, y], [2.0, 2.0, 2.0, 2.0]])
+    walls = walls[: rng.integers(0, len(walls) + 1)]
+    assert (cast_rays(x, y, walls, np.zeros((0, 3))) == plain_ranges(x, y, walls)).all()
+
+
 def test_a_column_casts_a_shadow() -> None:
     ranges = cast_rays(0.0, 0.0, np.empty((0, 4)), np.array([[1.0, 0.0, 0.2]]))
     assert ranges[0] == pytest.approx(0.8)

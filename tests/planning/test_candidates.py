@@ -1,6 +1,7 @@
 # mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """Candidates can be got to, have room for a scan and something new to see."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from sonar_explore.geometry import Pose, Segment
 from sonar_explore.mapping.grid import FREE, OCCUPIED, UNKNOWN, GridFrame
 from sonar_explore.mapping.occupancy import OccupancyGrid
-from sonar_explore.planning.candidates import CandidateConfig, CandidateFinder
+from sonar_explore.planning.candidates import CandidateConfig, CandidateFinder, _apart, _certainty
 from sonar_explore.planning.expected import ChainSpans, expected_chains
 from sonar_explore.planning.paths import PlanningConfig, SafePaths
 from sonar_explore.slam import Chain, Feature, FeatureKind, Link
@@ -142,3 +143,35 @@ def test_certainty_is_two_where_two_sure_walls_cross_and_one_where_they_are_para
     for walls, certainty in (((north, east), 2.0), ((north, south), 1.0), ((north,), 1.0)):
         found, _ = find(grid, (1.7, 1.7), chains=[chain(w) for w in walls])
         assert max(c.certainty for c in found) == pytest.approx(certainty)
+
+
+@settings(max_examples=80, deadline=None)
+@given(seeds)
+def test_the_best_places_are_taken_that_lie_apart_and_then_others_by_rank(seed):
+    rng = np.random.default_rng(seed)
+    places = 0.05 * rng.integers(0, 40, (rng.integers(1, 60), 2))
+    alone = np.ones(len(places), dtype=bool)
+    for i, place in enumerate(places):
+        off = places[:i][alone[:i]] - place
+        alone[i] = all(math.hypot(*by) >= 0.5 for by in off)
+    expected = [*np.flatnonzero(alone), *np.flatnonzero(~alone)]
+    chosen = np.empty(min(int(rng.integers(1, 40)), len(places)), dtype=np.int64)
+    _apart(places, 0.5, chosen)
+    assert chosen.tolist() == expected[: len(chosen)]
+
+
+@settings(max_examples=80, deadline=None)
+@given(seeds)
+def test_certainty_is_that_of_the_surest_chain_and_of_what_crosses_it(seed):
+    rng = np.random.default_rng(seed)
+    answers = rng.random((rng.integers(1, 12), rng.integers(1, 12))) < rng.choice([0.0, 0.2, 0.8])
+    certain, directions = (
+        rng.choice([0.0, 0.4, 0.9, 1.0], answers.shape[1]),
+        rng.uniform(-2, 2, answers.shape[1]),
+    )
+    surest = np.argmax(np.where(answers, certain, -1.0), axis=1)
+    crossing = np.abs(np.sin(directions - directions[surest, None])) * certain
+    sure = certain[surest] + np.where(answers, crossing, 0.0).max(axis=1)
+    place, answering = np.nonzero(answers)
+    found = _certainty(certain, directions, place, answering, len(answers))
+    assert (found == np.where(answers.any(axis=1), sure, 0.0)).all()
