@@ -267,11 +267,12 @@ def test_environments_of_different_spaces_and_none_at_all_are_refused():
     class Other(Counter):
         action_space = gym.spaces.Discrete(4)
 
+    others = _working()
     for envs in ([Counter, Other], [Counter, Counter, Counter, Other]):
         with pytest.raises(RuntimeError):
             WorkersVectorEnv(envs, workers=2)
         gc.collect()
-        assert not _working()
+        assert not _working() - others
     for envs, workers in (([], 2), ([Counter], 0)):
         with pytest.raises(SonarExploreError, match="at least one of each"):
             WorkersVectorEnv(envs, workers)
