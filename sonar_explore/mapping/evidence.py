@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 
 import numpy as np
@@ -51,6 +52,11 @@ class Rows:
             self._held = np.concatenate([self._held, np.empty_like(self._held)])
 
 
+def others(new: Sequence[object], old: Sequence[object]) -> list[int]:
+    """Where one is not the very one that was there before, as far as there was any."""
+    return [i for i, other in enumerate(map(operator.is_not, new, old)) if other]
+
+
 class Evidence:
     """What scans say, by scan, and where each stands; map frame, [m] and [rad]."""
 
@@ -76,9 +82,10 @@ class Evidence:
 
     def place(self, poses: Sequence[Pose], looks: Sequence[Look]) -> None:
         """Place what scans say that are new or stand elsewhere now."""
-        known = zip(poses, self._believed, looks, self._looks, strict=False)
-        changed = [i for i, (p, q, look, was) in enumerate(known) if p is not q or look is not was]
-        for i in [*changed, *range(len(self.poses), len(poses))]:
+        known = len(self.poses)
+        for i in sorted({*others(poses, self._believed), *others(looks, self._looks)}):
+            self._put(i, poses[i], looks[i])
+        for i in range(known, len(poses)):
             self._put(i, poses[i], looks[i])
 
     def _put(self, scan: int, pose: Pose, look: Look) -> None:

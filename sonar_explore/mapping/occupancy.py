@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.mapping.cuts import cut_all_at_walls, in_reach
 from sonar_explore.mapping.distance import Distances
-from sonar_explore.mapping.evidence import Evidence
+from sonar_explore.mapping.evidence import Evidence, others
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States, place_in
 from sonar_explore.mapping.looks import Look, MappingConfig
 from sonar_explore.mapping.rows import differing_rows
@@ -228,7 +228,7 @@ class OccupancyMapper:
         """Scans that moved since last time; and those that may clear other cells than then: they moved, or a wall of
         theirs or near them changed."""
         seen, known = self._seen, len(drawn.poses)
-        moved = [i for i, (a, b) in enumerate(zip(seen.poses, drawn.poses, strict=False)) if a is not b]
+        moved = others(seen.poses, drawn.poses)
         moved += range(known, len(seen.poses))
         changed = differing_rows(barriers, drawn.barriers)
         reach_m = seen.reach_m.all[:, 0] + self._config.wall_margin_m

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -61,7 +62,7 @@ class Surroundings:
     def grid(self) -> OccupancyGrid:
         """The map; there from the first scan on. Drawn when somebody looks at it."""
         if self.doubtful not in self._grids:
-            poses = [entry.pose for entry in self._slam.scans]
+            poses = [*map(operator.attrgetter("pose"), self._slam.scans)]
             obstacles = [poses[i].transform(o.reshape(-1, 2)).reshape(-1, 4) for i, o in self._obstacles]
             walls = np.vstack(obstacles) if obstacles else np.zeros((0, 4))
             self._grids[self.doubtful] = self._mapper.draw(
