@@ -62,6 +62,12 @@ class FilterConfig:
     """Nor than this, [m]."""
 
 
+def squared_gate(share: float) -> float:
+    """How far off two numbers together may be for so many of the true ones to pass, in squared standard deviations:
+    chi-squared, two degrees."""
+    return -2.0 * math.log(1.0 - share)
+
+
 class OdometryFilter:
     """Covariance of the pose, and the two constants of the wheels."""
 
@@ -182,7 +188,7 @@ class OdometryFilter:
             relative = np.zeros((n, 2, 2))
         if features is None:
             features = np.arange(n)
-        limit = -2.0 * math.log(1.0 - self.config.gate_share)  # chi-squared, two degrees
+        limit = squared_gate(self.config.gate_share)
         off = residuals.adr_rad, residuals.ndr_m, residuals.normals, residuals.discs, features
         found: NDArray[np.bool_] = believed(
             self.covariance, relative, *off, self._sigmas, limit, self.config.rival

@@ -34,7 +34,7 @@ from sonar_explore.slam.joint.joint_steps import (
 )
 from sonar_explore.slam.joint.landmarks import BASE, CHAIN, LAST, LINE, SCALE
 from sonar_explore.slam.kalman import OWN, SIZE
-from sonar_explore.slam.odometry_filter import FilterConfig, OdometryFilter
+from sonar_explore.slam.odometry_filter import FilterConfig, OdometryFilter, squared_gate
 from sonar_explore.slam.turn.discs import TurnError
 from sonar_explore.slam.turn.points import Point
 
@@ -97,7 +97,7 @@ class JointFilter(OdometryFilter):
         self._slots: dict[int, int] = {}
         """The row among the landmarks of each chain."""
         self._joint_huber = config.huber_sigmas**2
-        self._joint_gate = -2.0 * math.log(1.0 - config.gate_share)  # chi-squared, two degrees
+        self._joint_gate = squared_gate(config.gate_share)
         self._same_noise = np.array([config.same_rad**2, config.same_m**2])
 
     @property
