@@ -82,7 +82,7 @@ def bench_slam_update(benchmark, links):
 
 @pytest.mark.parametrize("slam", ["chain", "smoothed"])
 def bench_decision(benchmark, slam):
-    """A step of Exploration-v0: drive, scan, SLAM, map, frontiers, candidates."""
+    """A step of Exploration-v0: drive, scan, SLAM, map, candidates."""
     env = ExplorationEnv("paper/rooms", slam=slam)
     seeds = itertools.count()
 

@@ -6,9 +6,11 @@ import math
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from sonar_explore.amigobot import AmigoBot
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.mapping.frontiers import Frontier, find_frontiers
@@ -38,13 +40,20 @@ class Situation:
     """`pose_robot_in_map`, as believed."""
     grid: OccupancyGrid
     chains: tuple[Chain, ...]
-    frontiers: tuple[Frontier, ...]
     candidates: tuple[Candidate, ...]
     """Where the robot could go next; empty when nothing reachable is left."""
     scan_positions: Array
     """x y of every scan so far, shape (n, 2), map frame, [m]."""
     underway_to: tuple[float, float] | None = None
     """Where the last drive was going when it stopped for a scan, map frame, [m]; None where it was not."""
+    body_radius_m: float = AmigoBot.radius_m
+    """Of the robot's disc, [m]."""
+
+    @cached_property
+    def frontiers(self) -> tuple[Frontier, ...]:
+        """Where free space that the body can reach meets space nobody has looked at, the longest first; looked for when
+        somebody asks."""
+        return find_frontiers(self.grid, self.body_radius_m, MIN_FRONTIER_M)
 
 
 @dataclass(frozen=True)
@@ -141,10 +150,10 @@ class Explorer:
             pose=pose,
             grid=self.grid,
             chains=self._slam.chains.chains,
-            frontiers=find_frontiers(self.grid, self._body.radius_m, MIN_FRONTIER_M),
             candidates=candidates,
             scan_positions=self._surroundings.scan_positions,
             underway_to=self._offers.goal,
+            body_radius_m=self._body.radius_m,
         )
 
     def go_to(self, candidate: Candidate) -> Trip:

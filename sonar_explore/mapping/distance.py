@@ -13,7 +13,7 @@ import numpy as np
 from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array
 from sonar_explore.mapping.changes import Spans, whole_spans
-from sonar_explore.mapping.grid import Mask, grown
+from sonar_explore.mapping.grid import Mask, grown, holds
 
 _NONE = 2**31 - 1  # the square of the distance where there is none
 
@@ -51,13 +51,8 @@ class Distances:
         the first cell of the one before."""
         spans = np.empty((len(to), 2), dtype=np.int64)
         spans[:] = to.shape[1], -1
-        if not self._to.size:
-            self._to = np.zeros(to.shape, dtype=bool)
-            self._down, self._squares = (
-                np.full(to.shape, sum(to.shape), dtype=np.int32),
-                np.full(to.shape, _NONE, np.int32),
-            )
-            self._distances, spans = np.empty(to.shape), whole_spans(to.shape)
+        if not (self._to.size and holds(to.shape, at, self._to.shape)):
+            spans = self._begin(to.shape)
         elif self._to.shape != to.shape:
             self._grow(at, to.shape, spans)
         _renew(self._to, to, self._down, self._squares, self._less, self._cell_m, self._distances, spans)
@@ -65,6 +60,15 @@ class Distances:
         for watch in self._watches:
             watch.widen(spans)
         return self._distances
+
+    def _begin(self, shape: tuple[int, int]) -> Spans:
+        """From nothing: no cell is of the kind. All is new."""
+        self._to, self._distances = np.zeros(shape, dtype=bool), np.empty(shape)
+        self._down = np.full(shape, sum(shape), dtype=np.int32)
+        self._squares = np.full(shape, _NONE, dtype=np.int32)
+        for watch in self._watches:
+            watch.begin(whole_spans(shape))
+        return whole_spans(shape)
 
     def _grow(self, at: tuple[int, int], shape: tuple[int, int], spans: Spans) -> None:
         """Go over to more rows and columns, none of whose cells are of the kind; which are new, into `spans`."""
@@ -97,6 +101,10 @@ class Watch:
     def __init__(self, spans: Spans) -> None:
         self._spans = spans
 
+    def begin(self, spans: Spans) -> None:
+        """There, whatever was before."""
+        self._spans = spans
+
     def move(self, at: tuple[int, int], rows: int) -> None:
         """What was the first cell lies there now; so many rows."""
         before, self._spans = self._spans, np.empty((rows, 2), dtype=np.int64)
@@ -107,8 +115,6 @@ class Watch:
 
     def widen(self, spans: Spans) -> None:
         """There, too."""
-        if not len(self._spans):
-            self._spans = spans.copy()
         np.minimum(self._spans[:, 0], spans[:, 0], out=self._spans[:, 0])
         np.maximum(self._spans[:, 1], spans[:, 1], out=self._spans[:, 1])
 

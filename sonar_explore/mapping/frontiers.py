@@ -9,7 +9,7 @@ import numpy as np
 
 from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.mapping.changes import changed_spans, whole_spans
-from sonar_explore.mapping.grid import FREE, UNKNOWN, Cells, GridFrame, Mask, States, grown, place_in
+from sonar_explore.mapping.grid import FREE, UNKNOWN, Cells, GridFrame, Mask, States, grown, holds, place_in
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.mapping.regions import labelled
 
@@ -43,7 +43,7 @@ def find_frontiers(grid: OccupancyGrid, body_radius_m: float, min_length_m: floa
 
     A frontier cell is free, passable, and touches a passable unknown cell.
     """
-    cells = grid.keeper(("edge", body_radius_m), lambda: _Edge(body_radius_m)).of(grid)
+    cells = grid.keeper(("edge", body_radius_m), lambda: _Edge(body_radius_m, grid.frame)).of(grid)
     if not len(cells):
         return ()
     regions = labelled(cells)
@@ -62,25 +62,23 @@ def find_frontiers(grid: OccupancyGrid, body_radius_m: float, min_length_m: floa
 class _Edge:
     """Frontier cells of one map after another, by rows, shape (n, 2)."""
 
-    def __init__(self, body_radius_m: float) -> None:
+    def __init__(self, body_radius_m: float, frame: GridFrame) -> None:
         self._body = body_radius_m
-        self._before: tuple[GridFrame, States] | None = None
+        self._before: tuple[GridFrame, States] = frame, np.zeros((0, 0), dtype=np.uint8)
         self._edge: Mask = np.zeros((0, 0), dtype=bool)
 
     def of(self, grid: OccupancyGrid) -> Cells:
-        states, to_walls, before = grid.states, grid.to_walls_m, self._before
-        if before is None:
+        states, to_walls, (frame, before) = grid.states, grid.to_walls_m, self._before
+        at = place_in(frame, grid.frame)
+        if not (before.size and holds(states.shape, at, before.shape)):
             spans = whole_spans(states.shape)
             self._edge = np.zeros(states.shape, dtype=bool)
         else:  # a wall shuts cells as far away as the body reaches, and their neighbours are no edge then
-            felt, (frame, was) = 2 + math.ceil(self._body / grid.frame.resolution_m), before
+            felt = 2 + math.ceil(self._body / grid.frame.resolution_m)
             if frame != grid.frame:
-                at = place_in(frame, grid.frame)
-                was, self._edge = (
-                    grown(was, at, states.shape, _OFF),
-                    grown(self._edge, at, states.shape, False),
-                )
-            spans = changed_spans(was, states, felt)
+                before = grown(before, at, states.shape, _OFF)
+                self._edge = grown(self._edge, at, states.shape, False)
+            spans = changed_spans(before, states, felt)
         _mark_edge(states, to_walls, self._body, spans, self._edge)
         self._before = grid.frame, states
         rows, columns = np.divmod(np.flatnonzero(self._edge), states.shape[1])

@@ -77,6 +77,11 @@ def place_in(frame: GridFrame, target: GridFrame) -> tuple[int, int]:
     return round((frame.y0 - target.y0) / res), round((frame.x0 - target.x0) / res)
 
 
+def holds(shape: tuple[int, ...], at: tuple[int, int], inner: tuple[int, ...]) -> bool:
+    """Whether a grid of this shape holds an inner one, whose first cell is there."""
+    return all(a >= 0 and a + n <= m for a, n, m in zip(at, inner, shape, strict=True))
+
+
 def grown(array: NDArray[Any], at: tuple[int, int], shape: tuple[int, int], fill: Any) -> NDArray[Any]:
     """An array in a larger one of this shape, its first cell there; filled about it."""
     out = np.full(shape, fill, dtype=array.dtype)

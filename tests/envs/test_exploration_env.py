@@ -8,6 +8,9 @@ from env_runs import room, trajectory
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.envs.exploration_env import ExplorationEnv
 from sonar_explore.errors import SonarExploreError
+from sonar_explore.explorer import MIN_FRONTIER_M
+from sonar_explore.mapping.frontiers import find_frontiers
+from sonar_explore.mapping.occupancy import OccupancyGrid
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -65,3 +68,17 @@ def test_where_nothing_is_left_after_the_first_scan_one_action_is_possible_and_e
 def test_fewer_actions_than_candidates_could_need_is_an_error():
     with pytest.raises(SonarExploreError, match="max_candidates"):
         ExplorationEnv(max_candidates=3)
+
+
+def test_frontiers_of_a_situation_are_those_of_its_map_whenever_they_are_asked_for():
+    env = ExplorationEnv("paper/corridor")
+    env.reset(seed=0)
+    early, seen = env.situation, []
+    for _ in range(4):
+        seen.append(env.situation)
+        env.step(np.int64(0))
+    for situation in (seen[-1], early, *seen):
+        grid = OccupancyGrid(situation.grid.frame, situation.grid.states)
+        alone = find_frontiers(grid, env.config.simulator.robot.radius_m, MIN_FRONTIER_M)
+        assert [f.centroid for f in situation.frontiers] == [f.centroid for f in alone]
+    assert early.frontiers

@@ -74,9 +74,13 @@ def test_frontiers_of_one_map_after_another_are_those_of_each_map_alone(seed):
     rng, kept = np.random.default_rng(seed), dict[str, object]()
     states = ndimage.zoom(rng.choice([UNKNOWN, FREE, FREE, OCCUPIED], (5, 6)), 9, order=0).astype(np.uint8)
     frame = GridFrame(0.0, 0.0, 0.05, states.shape)
+    grids: list[OccupancyGrid] = []
     for _ in range(5):
-        going_on, alone = (find_frontiers(OccupancyGrid(frame, states, k), BODY_M, 0.15) for k in (kept, {}))
-        assert [f.cells.tolist() for f in going_on] == [f.cells.tolist() for f in alone]
+        grids.append(OccupancyGrid(frame, states.copy(), kept))
+        for grid in (grids[-1], *rng.permutation(np.array(grids, dtype=object))[:1]):  # an older one, too
+            alone = find_frontiers(OccupancyGrid(grid.frame, grid.states), BODY_M, 0.15)
+            going_on = find_frontiers(grid, BODY_M, 0.15)
+            assert [f.cells.tolist() for f in going_on] == [f.cells.tolist() for f in alone]
         more = rng.integers(0, 4, (2, 2)) * rng.integers(0, 2, (2, 2))  # the map grows
         states = np.pad(states, more)
         frame = GridFrame(
