@@ -237,6 +237,8 @@ class Offers:
             return ()
         beyond = self._surroundings.beyond_belief(pose, max(c.path_length_m for c in places) + BEHIND_M)
         least = BEHIND_M2 / self._surroundings.resolution_m**2
+        if len(beyond) < least:
+            return ()
         return tuple(c for c in places if (np.hypot(*(beyond - (c.x, c.y)).T) <= BEHIND_M).sum() >= least)
 
     def _is_hemmed_in(self, pose: Pose) -> bool:

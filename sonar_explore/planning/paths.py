@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import sys
 import weakref
@@ -104,7 +103,8 @@ class SafePaths:
 
     def as_far_as(self, within_m: float) -> SafePaths:
         """Those that are no longer than this: they share what is known of them with these."""
-        paths = copy.copy(self)
+        paths = SafePaths.__new__(SafePaths)
+        paths.__dict__.update(self.__dict__)  # `copy.copy` takes ten times as long
         paths._leave_out(within_m)
         return paths
 
