@@ -80,7 +80,7 @@ class DecisionRecord(msgspec.Struct, frozen=True):
 
 
 class GridRecord(msgspec.Struct, frozen=True):
-    """An occupancy grid: row 0 is the lowest y, column 0 the lowest x."""
+    """An occupancy grid, or a part of one: row 0 is the lowest y, column 0 the lowest x."""
 
     origin: Point
     """Outer corner of cell (0, 0)."""
@@ -122,8 +122,9 @@ class StepRecord(msgspec.Struct, frozen=True):
     """(surviving chain, absorbed chain)"""
     dangling: list[int]
     """Ids of the chains that dangle after this scan."""
-    grid: GridRecord
-    """The map as it was known after this scan, from which the decision was made."""
+    map_change: GridRecord | None
+    """The part of the map that this scan and the way to it changed, as it is now. Laid over those of the steps before,
+    in order, it is the map from which the decision was made. None where nothing changed."""
     explored_fraction: float
     """Scored against the truth."""
     decision: DecisionRecord | None
@@ -193,4 +194,4 @@ class EpisodeRecord(msgspec.Struct, frozen=True):
     steps: list[StepRecord]
     chains: list[ChainRecord]
     grid: GridRecord
-    """At the end, as at the last step."""
+    """At the end."""

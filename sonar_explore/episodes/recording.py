@@ -30,6 +30,7 @@ from sonar_explore.episodes.record import (
 )
 from sonar_explore.explorer import Situation, Trip
 from sonar_explore.geometry import Array, Pose
+from sonar_explore.mapping.grid import GridFrame, States, window
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.sensors import sensor_name
 from sonar_explore.slam import ScanUpdate
@@ -55,6 +56,8 @@ class EpisodeLog:
         self._env = env
         self.steps: list[StepRecord] = []
         self._errors: list[tuple[float, float]] = []
+        self._drawn: OccupancyGrid | None = None
+        """The map of the step before."""
         self._note()
 
     def _note(self) -> None:
@@ -101,11 +104,12 @@ class EpisodeLog:
             new_chains=list(update.new_chains),
             merges=[(m.survivor, m.absorbed) for m in update.merges],
             dangling=list(update.dangling),
-            grid=grid_record(situation.grid),
+            map_change=map_change(self._drawn, situation.grid),
             explored_fraction=_round(now.explored),
             decision=outcome,
         )
         self.steps.append(record)
+        self._drawn = situation.grid
         if decision is not None:
             self._note()
         return record
@@ -224,9 +228,32 @@ def chain_record(chain: Any) -> ChainRecord:
 
 def grid_record(grid: OccupancyGrid) -> GridRecord:
     """The grid, packed."""
+    return _packed(grid.frame, grid.states)
+
+
+def map_change(before: OccupancyGrid | None, now: OccupancyGrid) -> GridRecord | None:
+    """The smallest part of the map that holds every cell that has changed; None where none has."""
+    if before is None:
+        old = np.zeros_like(now.states)
+    elif before.frame == now.frame:
+        old = before.states
+    else:  # it has grown
+        old = window(before.frame, before.states, now.frame)
+    changed = old != now.states
+    (rows,), (columns,) = changed.any(axis=1).nonzero(), changed.any(axis=0).nonzero()
+    if not len(rows):
+        return None
+    (top, bottom), (left, right) = (rows[0], rows[-1] + 1), (columns[0], columns[-1] + 1)
+    f = now.frame
+    x0, y0 = f.x0 + left * f.resolution_m, f.y0 + top * f.resolution_m
+    part = GridFrame(x0, y0, f.resolution_m, (int(bottom - top), int(right - left)))
+    return _packed(part, now.states[top:bottom, left:right])
+
+
+def _packed(frame: GridFrame, states: States) -> GridRecord:
     return GridRecord(
-        origin=(_round(grid.frame.x0), _round(grid.frame.y0)),
-        resolution_m=grid.frame.resolution_m,
-        shape=grid.frame.shape,
-        states=base64.b64encode(zlib.compress(grid.states.tobytes())).decode("ascii"),
+        origin=(_round(frame.x0), _round(frame.y0)),
+        resolution_m=frame.resolution_m,
+        shape=frame.shape,
+        states=base64.b64encode(zlib.compress(states.tobytes())).decode("ascii"),
     )

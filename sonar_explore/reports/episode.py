@@ -47,7 +47,7 @@ def episode_page(record: EpisodeRecord) -> str:
         tiles=tiles(record.summary),
         frame=frame,
         bar_m=scale_bar(frame),
-        grid=scene.grid_image(record.grid, frame),
+        changes=scene.map_changes(record, frame),
         chains=scene.chain_rows(record),
         past=scene.past_walls(record),
         cut=scene.cut_associations(record),

@@ -11,8 +11,9 @@ import numpy as np
 from sonar_explore.episodes.record import GridRecord
 from sonar_explore.errors import SonarExploreError
 
-PALETTE = bytes((0, 0, 0, 120, 150, 185, 70, 75, 85))  # unknown, free, occupied: red, green, blue each
-OPACITY = bytes((0, 44, 92))  # unknown is clear: the page shows through, light or dark
+# unknown, free, occupied: red, green, blue each
+PALETTE = bytes((0, 0, 0, 120, 150, 185, 70, 75, 85))
+SOLID = bytes((255, 255, 255, 232, 237, 243, 188, 190, 194))
 
 
 def grid_states(grid: GridRecord) -> np.ndarray:
@@ -25,8 +26,12 @@ def grid_states(grid: GridRecord) -> np.ndarray:
     return np.minimum(states, 2)
 
 
-def grid_png(grid: GridRecord, opacity: bytes = OPACITY) -> str:
-    """A `data:` address of the grid, highest y first as pictures have it; opacity of each state, 0 to 255."""
+def grid_png(grid: GridRecord, opacity: bytes | None = None) -> str:
+    """A `data:` address of the grid, highest y first as pictures have it.
+
+    Args:
+        opacity: of each state, 0 to 255: the page shows through; None for solid shades, which cover what is below.
+    """
     rows = grid_states(grid)[::-1]
     height, width = rows.shape
     lines = b"".join(b"\0" + row.tobytes() for row in rows)
@@ -34,8 +39,8 @@ def grid_png(grid: GridRecord, opacity: bytes = OPACITY) -> str:
         _chunk(*part)
         for part in (
             (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 3, 0, 0, 0)),
-            (b"PLTE", PALETTE),
-            (b"tRNS", opacity),
+            (b"PLTE", SOLID if opacity is None else PALETTE),
+            *([] if opacity is None else [(b"tRNS", opacity)]),
             (b"IDAT", zlib.compress(lines, 9)),
             (b"IEND", b""),
         )

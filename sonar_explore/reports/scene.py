@@ -42,6 +42,12 @@ def chain_rows(record: EpisodeRecord) -> list[dict[str, Any]]:
     ]
 
 
+def map_changes(record: EpisodeRecord, frame: Frame) -> list[dict[str, Any]]:
+    """The attributes of the `image`s: those up to a scan, laid over each other, show the map as it was known then."""
+    changes = [(step.index, step.map_change) for step in record.steps]
+    return [{"data-s": index, **_image(grid, frame)} for index, grid in changes if grid]
+
+
 def past_walls(record: EpisodeRecord) -> list[dict[str, Any]]:
     """Every wall feature where it was placed when it was seen: the map as of an earlier scan."""
     history = chain_history(record)
@@ -98,7 +104,6 @@ def scan_data(record: EpisodeRecord, frame: Frame) -> list[dict[str, Any]]:
             "explored": round(100 * step.explored_fraction, 1),
             "poses": [_pose(pose, frame) for pose in (step.predicted_pose, step.pose, step.true_pose)],
             "errors": [_errors(pose, step.true_pose) for pose in (step.predicted_pose, step.pose)],
-            "grid": grid_image(step.grid, frame),
             "fan": _fan(step, frame),
             "features": [[*_line(f.segment, frame), f.kind] for f in step.features],
             "associations": [
@@ -113,8 +118,7 @@ def scan_data(record: EpisodeRecord, frame: Frame) -> list[dict[str, Any]]:
     ]
 
 
-def grid_image(grid: GridRecord, frame: Frame) -> dict[str, Any]:
-    """The attributes of the `image` that shows the grid."""
+def _image(grid: GridRecord, frame: Frame) -> dict[str, Any]:
     rows, columns = grid.shape
     x, y = grid.origin
     return {

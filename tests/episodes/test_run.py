@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 from sonar_explore.agents import Decision, Score
+from sonar_explore.agents.frontier import FrontierPolicy
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.envs.exploration_env import ExplorationEnv
 from sonar_explore.episodes.files import load_record, save_record
 from sonar_explore.episodes.record import EpisodeRecord, StepRecord
 from sonar_explore.episodes.run import run_episode
 from sonar_explore.errors import SonarExploreError
+from sonar_explore.mapping.grid import GridFrame, window
 from sonar_explore.reports.raster import grid_states
 
 SHORT = ExplorationConfig(max_scans=8)
@@ -57,10 +59,26 @@ def test_steps_are_numbered_and_told_as_they_are_made(record):
     assert [step.index for step in told] == list(range(len(told)))
 
 
-def test_every_step_keeps_the_map_of_its_time(record):
-    known = [int((grid_states(step.grid) > 0).sum()) for step in record.steps]
-    assert 0 < known[0] < known[-1]
-    assert record.steps[-1].grid == record.grid
+def test_the_changes_of_the_map_laid_over_each_other_are_the_map_at_every_scan(record):
+    maps = []
+
+    class Watching(FrontierPolicy):
+        def choose(self, situation):
+            maps.append(situation.grid)
+            return super().choose(situation)
+
+    run_episode("paper/corridor", Watching(), seed=2, config=SHORT)
+    frame = GridFrame(*record.grid.origin, record.grid.resolution_m, record.grid.shape)
+    laid = np.zeros(frame.shape, np.uint8)
+    for k, step in enumerate(record.steps):
+        if step.map_change:
+            part = step.map_change
+            row, column = frame.cell(part.origin[0] + 0.01, part.origin[1] + 0.01)
+            laid[row : row + part.shape[0], column : column + part.shape[1]] = grid_states(part)
+        if k < len(maps):
+            assert (laid == window(maps[k].frame, maps[k].states, frame)).all()
+    assert len(maps) == len(record.steps) - 1
+    assert (laid == grid_states(record.grid)).all()
 
 
 def test_the_summary_agrees_with_the_steps(record):

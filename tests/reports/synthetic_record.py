@@ -218,7 +218,7 @@ def synthetic_record(name: str = "synthetic/two-rooms") -> EpisodeRecord:
                 new_chains=new,
                 merges=[],
                 dangling=dangling,
-                grid=_grid(8.0 * (index + 1) / len(ROUTE)),
+                map_change=_grid(8.0 * (index + 1) / len(ROUTE)),
                 explored_fraction=1 - math.exp(-0.16 * (index + 1)),
                 decision=None if last else _decision((pose[0], pose[1]), nxt, rng),
             )
@@ -231,7 +231,7 @@ def synthetic_record(name: str = "synthetic/two-rooms") -> EpisodeRecord:
         summary=_summary(name, steps, len(links)),
         steps=steps,
         chains=[ChainRecord(c, segs, 0, 0.9, c in steps[-1].dangling) for c, segs in links.items()],
-        grid=steps[-1].grid,
+        grid=_grid(8.0),
     )
 
 

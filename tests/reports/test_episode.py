@@ -18,7 +18,7 @@ from sonar_explore.reports.colours import CHAIN_COLOURS, chain_colours
 from sonar_explore.reports.episode import episode_page, write_episode_report
 from sonar_explore.reports.frame import frame_of, scale_bar
 from sonar_explore.reports.history import chain_history
-from sonar_explore.reports.raster import grid_png, grid_states
+from sonar_explore.reports.raster import grid_png
 
 HOSTILE = """</script><script>alert(1)</script><img src=x onerror=alert(2)>"'&{{ 7*7 }}"""
 
@@ -138,12 +138,15 @@ def test_each_scan_carries_its_readings_and_its_decision(record: EpisodeRecord, 
 
 
 def test_each_scan_shows_the_map_that_was_known_then(record: EpisodeRecord, page: str) -> None:
-    scans = data_of(page)["scans"]
-    known = [int((grid_states(step.grid) > 0).sum()) for step in record.steps]
-    assert known == sorted(set(known)), "the record of this test learns something at every scan"
-    assert [scan["grid"]["href"] for scan in scans] == [grid_png(step.grid) for step in record.steps]
-    image = next(attributes for tag, attributes in Elements(page).tags if tag == "image")
-    assert image == image | {name: str(value) for name, value in scans[-1]["grid"].items()}
+    images = [attributes for tag, attributes in Elements(page).tags if tag == "image"]
+    assert [int(image["data-s"] or -1) for image in images] == [step.index for step in record.steps]
+    changes = [step.map_change for step in record.steps if step.map_change]
+    assert [image["href"] for image in images] == [grid_png(change) for change in changes]
+
+
+def test_a_scan_that_changed_nothing_of_the_map_draws_nothing(record: EpisodeRecord) -> None:
+    steps = [record.steps[0], *(msgspec.structs.replace(s, map_change=None) for s in record.steps[1:])]
+    assert episode_page(msgspec.structs.replace(record, steps=steps)).count("<image ") == 1
 
 
 def test_every_word_that_is_linked_is_explained(page: str) -> None:
@@ -228,8 +231,9 @@ def test_a_record_without_a_scan_is_refused_in_one_line(record: EpisodeRecord) -
 
 def test_a_grid_that_cannot_be_unpacked_is_refused_in_one_line(record: EpisodeRecord) -> None:
     grid = msgspec.structs.replace(record.grid, states="!")
+    steps = [msgspec.structs.replace(record.steps[0], map_change=grid), *record.steps[1:]]
     with pytest.raises(SonarExploreError, match="grid cannot be unpacked"):
-        episode_page(msgspec.structs.replace(record, grid=grid))
+        episode_page(msgspec.structs.replace(record, steps=steps))
 
 
 @pytest.mark.parametrize("content", [b"", b"{}", b"\xff", b'{"version": 3}', b"[" * 100_000])

@@ -164,7 +164,6 @@ function show(k) {
     mark.style.visibility = Number(mark.dataset.s) <= k ? "" : "hidden";
     mark.classList.toggle("now", Number(mark.dataset.s) === k);
   }
-  for (const [name, value] of Object.entries(whole ? finalGrid : scans[k].grid)) $("grid").setAttribute(name, value);
   $("final").setAttribute("visibility", whole ? "visible" : "hidden");
   $("past").style.display = whole ? "none" : layerShown("chains");
   $("past").setAttribute("visibility", "visible");
@@ -247,7 +246,6 @@ function rescale() {
   thinTexts();
 }
 
-const finalGrid = Object.fromEntries(["x", "y", "width", "height", "href"].map((name) => [name, $("grid").getAttribute(name)]));
 const finalLabels = [...$("dangling").children];
 const fromAddress = () => go(Number(/^#scan=(\d+)$/.exec(location.hash)?.[1] ?? END));
 slider.addEventListener("input", () => { play(false); go(Number(slider.value)); });
