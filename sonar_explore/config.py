@@ -17,7 +17,16 @@ from sonar_explore.slam import SlamConfig
 
 SCANS = ("turn", "ring")
 MAY_BE_ZERO = (
-    *("wall_margin_m", "continuation_rad", "pivot_m", "pivot_turn_rad", "trim_m", "sure_m", "still_m"),
+    *(
+        "wall_margin_m",
+        "continuation_rad",
+        "pivot_m",
+        "pivot_turn_rad",
+        "trim_m",
+        "sure_m",
+        "still_m",
+        "far_still_m",
+    ),
     *("goes_on_m", "on_line_m"),
     *("point_weight", "core_weight", "fresh_scans", "fresh_weight", "body_weight"),
     *("margin_m", "comfort_weight", "blind_weight", "speck_m2", "unknown_credit_m", "escape_m"),

@@ -226,7 +226,7 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
         chains = s.chains[-self._max_chains :]
         chain_rows = np.zeros((self._max_chains, len(CHAIN_COLUMNS)), dtype=np.float32)
         for row, chain in zip(chain_rows, chains, strict=False):
-            row[:] = (*chain.root.segment.as_row(), chain.root_probability, chain.dangling, len(chain.links))
+            row[:] = (*chain.root.segment.as_row(), chain.root_probability, chain.dangling, len(chain.placed))
         candidate_rows = np.zeros((int(self.action_space.n), len(CANDIDATE_COLUMNS)), dtype=np.float32)  # type: ignore[attr-defined]
         for row, c in zip(candidate_rows, s.candidates, strict=False):
             row[:] = (

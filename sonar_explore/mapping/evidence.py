@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Sequence
 
@@ -60,13 +61,16 @@ def others(new: Sequence[object], old: Sequence[object]) -> list[int]:
 class Evidence:
     """What scans say, by scan, and where each stands; map frame, [m] and [rad]."""
 
-    def __init__(self, still_m: float, lever_m: float) -> None:
+    def __init__(self, still_m: float, far_still_m: float, lever_m: float) -> None:
         """
         Args:
             still_m: a scan that no point of moved farther than this stays where it is,
+            far_still_m: and one that is far away if they moved no farther than this,
             lever_m: if its points are no farther from it than this.
         """
-        self._still_m, self._lever_m = still_m, lever_m
+        self._still_m, self._far_still_m, self._lever_m = still_m, far_still_m, lever_m
+        self.waits = False
+        """Whether scans that are far away stand elsewhere than they are placed."""
         self.poses: list[Pose] = []
         """Where the scans are placed."""
         self._believed: list[Pose] = []
@@ -80,13 +84,33 @@ class Evidence:
         self.walls, self.continuations, self.passed, self.points = Rows(4), Rows(4), Rows(4), Rows(2)
         self._kinds = self.walls, self.continuations, self.passed, self.points
 
-    def place(self, poses: Sequence[Pose], looks: Sequence[Look]) -> None:
-        """Place what scans say that are new or stand elsewhere now."""
-        known = len(self.poses)
-        for i in sorted({*others(poses, self._believed), *others(looks, self._looks)}):
+    def place(self, poses: Sequence[Pose], looks: Sequence[Look], fresh_m: float = math.inf) -> None:
+        """Place what scans say that are new or stand elsewhere now.
+
+        Args:
+            poses, looks: of all scans.
+            fresh_m: scans farther than this from the last, [m], may wait until they have moved farther.
+        """
+        known, told = len(self.poses), {*others(looks, self._looks)}
+        moved = [i for i in others(poses, self._believed) if i not in told]
+        waiting = self._may_wait(moved, poses, fresh_m) if moved and fresh_m < math.inf else ()
+        self.waits = any(waiting)
+        moved = [i for i, waits in zip(moved, waiting, strict=True) if not waits] if self.waits else moved
+        for i in [*sorted({*told, *moved}), *range(known, len(poses))]:
             self._put(i, poses[i], looks[i])
-        for i in range(known, len(poses)):
-            self._put(i, poses[i], looks[i])
+
+    def _may_wait(self, scans: Sequence[int], poses: Sequence[Pose], fresh_m: float) -> list[bool]:
+        """Which of these scans, that moved, are far from the last one and have moved little."""
+        now, was = np.array([poses[i].as_row() for i in scans]), self.at.all[scans]
+        here = poses[-1].x, poses[-1].y
+        nearest = np.minimum(np.hypot(*(now[:, :2] - here).T), np.hypot(*(was[:, :2] - here).T))
+        waits: list[bool] = ((nearest > fresh_m) & (self.moved_m(now, was) <= self._far_still_m)).tolist()
+        return waits
+
+    def moved_m(self, now: Array, was: Array) -> Array:
+        """How far points of scans may have moved, that stand and stood here, x y [m] heading [rad], shape (n, 3)."""
+        off = now - was
+        return np.asarray(np.hypot(off[:, 0], off[:, 1]) + np.abs(wrap_angle(off[:, 2])) * self._lever_m)
 
     def _put(self, scan: int, pose: Pose, look: Look) -> None:
         new = scan == len(self.poses) or look is not self._looks[scan]

@@ -51,7 +51,9 @@ class MappingConfig:
     core_weight: float = 1.0
     """Evidence of one certain sector against a wall."""
     still_m: float = 0.01
-    """A scan that no point of moved farther than this since it was drawn stays as it is drawn, [m]."""
+    """A scan that no point of moved farther than this since it was drawn stays as it is drawn, [m];"""
+    far_still_m: float = 0.05
+    """and one far away if it was no farther than this, until all of the map is asked for, [m]."""
     fresh_scans: int = 4
     """What the last scans saw stands where they saw it, whatever older ones say: the pose drifts, the walls near
     by are where they are."""

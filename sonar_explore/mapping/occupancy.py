@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.mapping.cuts import cut_all_at_walls, in_reach
 from sonar_explore.mapping.distance import Distances
-from sonar_explore.mapping.evidence import Evidence, others
+from sonar_explore.mapping.evidence import Evidence
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States, place_in
 from sonar_explore.mapping.looks import Look, MappingConfig
 from sonar_explore.mapping.rows import differing_rows
@@ -33,6 +33,7 @@ from sonar_explore.mapping.walls import bridges, pivot_points, shortened, trimme
 
 MARGIN_M = 0.25  # of the grid beyond what a scan can reach
 RECENT_SCANS = 6
+LATE_M = 0.2  # so far off may be drawn what scans far away clear, where the map is doubted
 Keeper = TypeVar("Keeper")
 
 
@@ -97,12 +98,14 @@ class _Drawn:
     """A map as it was drawn last."""
 
     sectors: Sectors = field(default_factory=Sectors)
-    poses: Sequence[Pose] = ()
-    """Of the scans."""
+    at: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    """Where the scans are drawn, x y [m] heading [rad], shape (scans, 3)."""
     barriers: Array = field(default_factory=lambda: np.zeros((0, 4)))
     """What shortened their sectors, shape (n, 4), [m]."""
     pivots: Mask = field(default_factory=lambda: np.zeros(0, dtype=bool))
     """Which of their walls are none, shape (n,)."""
+    late: Mask = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    """Scans far away that may clear other cells than they are drawn to, shape (scans,)."""
     kept: dict[Any, Any] = field(default_factory=dict)
     """What was worked out of the map."""
 
@@ -131,7 +134,7 @@ class OccupancyMapper:
         self._body = body_radius_m
         self._reach = reach_m
         self._frame: GridFrame | None = None
-        self._seen = Evidence(config.still_m, config.free_range_m)
+        self._seen = Evidence(config.still_m, config.far_still_m, config.free_range_m)
         self._evidence: Array = np.empty((2, 0, 0))
         self._marked: Mask = np.zeros((0, 0), dtype=bool)
         self._drawn = {False: _Drawn(), True: _Drawn()}
@@ -144,9 +147,10 @@ class OccupancyMapper:
         poses: Sequence[Pose],
         looks: Sequence[Look],
         trails: Sequence[Array],
-        obstacles: Array,
+        obstacles: Sequence[tuple[int, Array]],
         *,
         doubtful: bool = False,
+        fresh_m: float = math.inf,
     ) -> OccupancyGrid:
         """The grid of these scans at these poses.
 
@@ -154,29 +158,37 @@ class OccupancyMapper:
             poses: `pose_robot_in_map` of each scan, as now believed.
             looks: evidence of each scan.
             trails: where the body has been since each scan, shape (n, 2) each, in that scan's frame, [m].
-            obstacles: pieces of wall that stood in the way of a drive, shape (k, 4), map frame, [m].
+            obstacles: pieces of wall that stood in the way of a drive, shape (1, 4) each: index of a scan, and where
+                they are in its frame, [m].
             doubtful: whether to believe only what is sure of a wall, the piece about the foot of its normal, and no
                 edges, corners or bridged gaps: what else the map draws may shut a door that is open.
+            fresh_m: scans farther off than this from the last may wait until they have moved by `far_still_m`, [m];
+                where the map is doubted, all that they clear may, until it has moved by `LATE_M`.
         """
         cfg, seen, drawn = self._config, self._seen, self._drawn[doubtful]
-        seen.place(poses, looks)
+        seen.place(poses, looks, fresh_m)
         frame = self._covering(seen.believed_at.all)
-        found = self._walls(obstacles, doubtful)
+        stood = [seen.poses[i].transform(o.reshape(-1, 2)).reshape(-1, 4) for i, o in obstacles]
+        found = self._walls(np.vstack([np.zeros((0, 4)), *stood]), doubtful)
         barriers = np.vstack([found.walls, found.gaps, seen.passed.all])
         drawn.sectors.resize(frame)
-        last_trail = max(0, len(drawn.poses) - 1)  # the one that may have grown since
-        moved, again = self._to_cut(drawn, found.pivots, barriers)
+        last_trail = max(0, len(drawn.at) - 1)  # the one that may have grown since
+        again = self._to_cut(drawn, found.pivots, barriers, fresh_m if doubtful else math.inf)
         at, real = seen.at.all, ~found.pivots
         clear_m = cut_all_at_walls(
             *(again, at, seen.clear_m.all, barriers),
             *(seen.continuations.all, real, seen.walls.first, cfg.wall_margin_m),
         )
         drawn.sectors.put(again, at[again], clear_m, seen.core_m.all[again])
-        since_moved = sorted({*moved, *range(last_trail, len(poses))})
+        since_moved = sorted({*again.tolist(), *range(last_trail, len(poses))})
         drawn.sectors.trails(since_moved, seen.poses, trails, self._body)
         evidence = self._evidence_of(frame, found, doubtful)
         states = drawn.sectors.states(*evidence, cfg.core_weight, cfg.body_weight)
         return OccupancyGrid(frame, states, drawn.kept)
+
+    def is_late(self, *, doubtful: bool) -> bool:
+        """Whether scans far away are drawn elsewhere than they are believed to stand, on the one map or the other."""
+        return self._seen.waits or bool(self._drawn[doubtful].late.any())
 
     @property
     def scan_positions(self) -> Array:
@@ -224,20 +236,27 @@ class OccupancyMapper:
             mark_segments(frame, gaps, found.gaps, cfg.wall_weight)
         return walls, gaps
 
-    def _to_cut(self, drawn: _Drawn, pivots: Mask, barriers: Array) -> tuple[list[int], NDArray[np.int64]]:
-        """Scans that moved since last time; and those that may clear other cells than then: they moved, or a wall of
-        theirs or near them changed."""
-        seen, known = self._seen, len(drawn.poses)
-        moved = others(seen.poses, drawn.poses)
-        moved += range(known, len(seen.poses))
+    def _to_cut(self, drawn: _Drawn, pivots: Mask, barriers: Array, fresh_m: float) -> NDArray[np.int64]:
+        """Scans that may clear other cells than last time: they moved, or a wall of theirs or near them changed; those
+        farther than `fresh_m` from the last one are late, unless they are new or have moved far."""
+        seen, known = self._seen, len(drawn.at)
+        at, moved = seen.at.all, np.ones(len(seen.poses), dtype=bool)
+        moved[:known] = (at[:known] != drawn.at).any(axis=1)
         changed = differing_rows(barriers, drawn.barriers)
         reach_m = seen.reach_m.all[:, 0] + self._config.wall_margin_m
-        again = in_reach(seen.at.all, reach_m, changed)
-        again[moved] = True
+        again = in_reach(at, reach_m, changed) | moved
+        again[:known] |= drawn.late
         other = np.flatnonzero(pivots[: len(drawn.pivots)] != drawn.pivots)
         again[np.searchsorted(seen.walls.first, other, side="right") - 1] = True
-        drawn.poses, drawn.barriers, drawn.pivots = tuple(seen.poses), barriers, pivots
-        return moved, np.flatnonzero(again)
+        late = np.zeros(len(at), dtype=bool)
+        if fresh_m < math.inf:
+            far = np.hypot(*(at[:known, :2] - at[-1, :2]).T) > fresh_m
+            late[:known] = again[:known] & far & (seen.moved_m(at[:known], drawn.at) <= LATE_M)
+        drawn.barriers, drawn.pivots, drawn.late = barriers, pivots, late
+        where_drawn = at.copy()
+        where_drawn[:known][late[:known]] = drawn.at[late[:known]]
+        drawn.at = where_drawn
+        return np.flatnonzero(again & ~late)
 
     def _covering(self, places: Array) -> GridFrame:
         """The frame, grown until it holds what scans from these places can reach, shape (n, 2), [m]."""

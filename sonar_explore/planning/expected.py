@@ -62,7 +62,7 @@ def _as_rows(chains: Sequence[Chain], rows: list[tuple[float, ...]]) -> ChainRow
 def _row(chain: Chain) -> tuple[float, ...]:
     direction = chain.root.segment.direction
     c, s = math.cos(direction), math.sin(direction)
-    ends = np.array([link.segment.as_row() for link in chain.links]).reshape(-1, 2)
+    ends = chain.ends.reshape(-1, 2)
     reach, across = (ends @ np.array([c, s])).tolist(), ends @ np.array([-s, c])
     span = c, s, float(across.sum()) / len(across), min(reach), max(reach)
     return *span, direction, 0.0 if chain.dangling else chain.root_probability

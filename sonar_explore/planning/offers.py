@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.geometry import Array, Pose
@@ -107,6 +107,8 @@ class Offers:
         for offer in (self._safe, self._dared, self._doubted_walls):
             candidates = candidates or offer(pose, NEAR_M)
         candidates = candidates or self._safe(pose, math.inf)
+        if not candidates and self._surroundings.look_everywhere():
+            candidates = self._safe(pose, math.inf)
         if not candidates:
             far_m, hemmed_in = max(NEAR_M, self._far_m), self._is_hemmed_in(pose)
             candidates = self._dared(pose, math.inf if hemmed_in else far_m)
@@ -165,16 +167,16 @@ class Offers:
         One that it was stopped far from is another matter once the robot has gone elsewhere: there may be a way from
         there.
         """
-        places = self._surroundings.placed([shut.place for shut in self._shut])
-        stops = self._surroundings.placed([shut.at for shut in self._shut])
-        apart_m = self._config.candidates.apart_m
-        aside = []
-        for shut, (x, y), (at_x, at_y) in zip(self._shut, places, stops, strict=True):
-            shut.left |= math.hypot(pose.x - at_x, pose.y - at_y) > SHUT_NEAR_M
-            twice = sum(math.hypot(x - a, y - b) <= apart_m for a, b in places) > 1
-            if twice or not shut.left or math.hypot(x - at_x, y - at_y) <= SHUT_NEAR_M:
-                aside.append((x, y))
-        return aside
+        if not self._shut:
+            return []
+        places = np.array(self._surroundings.placed([shut.place for shut in self._shut]))
+        stops = np.array(self._surroundings.placed([shut.at for shut in self._shut]))
+        for shut, gone in zip(self._shut, _apart(stops, (pose.x, pose.y)) > SHUT_NEAR_M, strict=True):
+            shut.left |= bool(gone)
+        left = np.array([shut.left for shut in self._shut])
+        twice = (_apart(places[:, None], places) <= self._config.candidates.apart_m).sum(axis=1) > 1
+        aside = twice | ~left | (_apart(places, stops) <= SHUT_NEAR_M)
+        return [(x, y) for x, y in places[aside].tolist()]
 
     def _candidates(
         self,
@@ -358,6 +360,11 @@ class Offers:
         x, y = trail[0].tolist()
         path = self._surroundings.paths(pose).to(x, y)
         return () if path is None else (_scan_at(x, y, path),)
+
+
+def _apart(places: Array, others: ArrayLike) -> Array:
+    """Distances between places x y, shape (..., 2) both, [m]."""
+    return np.asarray(np.hypot(*np.moveaxis(places - np.asarray(others), -1, 0)))
 
 
 def _scan_at(x: float, y: float, path: Array) -> Candidate:

@@ -23,6 +23,9 @@ Anchored = tuple[int, Pose]
 """A place: index of a scan, and where the place is in that scan's frame (the heading says nothing)."""
 
 
+FRESH_M = 6.0  # [m]: scans farther off than this may be drawn a little off, until all of the map is asked for
+
+
 class Surroundings:
     """The map in the two ways it can be taken, and the ways on it in the two ways they can be planned.
 
@@ -49,6 +52,8 @@ class Surroundings:
         self._searches: dict[tuple[bool, tuple[int, int], bool, bool], SafePaths] = {}
         """and as far as anybody has looked."""
         self._scan_positions: Array | None = None
+        self._everywhere = False
+        """Whether all scans are drawn where they are believed to stand, those far away among them."""
         self.version = 0
         """Counts the changes of the evidence."""
         self.daring = False
@@ -63,10 +68,13 @@ class Surroundings:
         """The map; there from the first scan on. Drawn when somebody looks at it."""
         if self.doubtful not in self._grids:
             poses = [*map(operator.attrgetter("pose"), self._slam.scans)]
-            obstacles = [poses[i].transform(o.reshape(-1, 2)).reshape(-1, 4) for i, o in self._obstacles]
-            walls = np.vstack(obstacles) if obstacles else np.zeros((0, 4))
             self._grids[self.doubtful] = self._mapper.draw(
-                poses, self._looks, self._trails_so_far(), walls, doubtful=self.doubtful
+                poses,
+                self._looks,
+                self._trails_so_far(),
+                self._obstacles,
+                doubtful=self.doubtful,
+                fresh_m=math.inf if self._everywhere else FRESH_M,
             )
         return self._grids[self.doubtful]
 
@@ -140,6 +148,17 @@ class Surroundings:
     def believe(self, *, doubtful: bool) -> None:
         """Take the map as it is, or only what is sure of its walls."""
         self.doubtful = doubtful
+
+    def look_everywhere(self) -> bool:
+        """Draw what is far away where it is believed to stand, too, until something changes; whether that is elsewhere
+        on the map that is believed."""
+        if self._everywhere:
+            return False
+        changes = self._mapper.is_late(doubtful=False)
+        if changes or self._mapper.is_late(doubtful=True):
+            self._changed()
+        self._everywhere = True
+        return changes
 
     def paths(self, pose: Pose, within_m: float = math.inf) -> SafePaths:
         """Safe paths from here to all that is no farther, by ways weighted by discomfort, [m]; those of before where
@@ -220,6 +239,7 @@ class Surroundings:
         return self._trails
 
     def _changed(self) -> None:
+        self._everywhere = False
         self.version += 1
         self._scan_positions = None
         self._grids.clear()

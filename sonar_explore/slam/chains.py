@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -39,23 +40,42 @@ class Link:
         return *self.segment.midpoint, self.segment.direction
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Chain:
     """A wall: its root is what it is corrected to, its links are where it may be met again."""
 
     id: int
-    links: tuple[Link, ...]
+    placed: tuple[Link, ...]
+    """The links where they stood when last somebody looked at them."""
     root_index: int
     """Index of the root among the links."""
     root_probability: float
     """P(root), equation (3): 1 for the first scan."""
     dangling: bool
     """Rooted by a scan of which no feature was associated (section III.E, case b)."""
+    moved_to: Array | None = None
+    """Ends of the links where they stand now, shape (n, 4), map frame, [m]; None where that is as they were placed."""
 
-    @property
+    @cached_property
+    def links(self) -> tuple[Link, ...]:
+        """In the order in which they were added."""
+        if self.moved_to is None:
+            return self.placed
+        return tuple(map(_moved, self.placed, self.moved_to.tolist()))
+
+    @cached_property
     def root(self) -> Link:
         """The link that corrections refer to."""
-        return self.links[self.root_index]
+        if self.moved_to is None or "links" in vars(self):
+            return self.links[self.root_index]
+        return _moved(self.placed[self.root_index], self.moved_to[self.root_index].tolist())
+
+    @cached_property
+    def ends(self) -> Array:
+        """Of each link, shape (n, 4), map frame, [m]; not to be written to."""
+        if self.moved_to is not None:
+            return self.moved_to
+        return np.array([link.segment.as_row() for link in self.placed], dtype=float)
 
     @cached_property
     def feet(self) -> Array:
@@ -69,6 +89,14 @@ class Chain:
             vars(longer)["feet"] = feet = np.empty((len(longer.links), 4))
             feet[:-1], feet[-1] = self.feet, (*link.foot, link.feature.discs)
         return longer
+
+
+def _moved(link: Link, ends: Sequence[float]) -> Link:
+    """The link there, or itself where that is where it stands."""
+    segment = Segment(*ends)
+    if segment == link.segment:
+        return link
+    return Link(segment, link.scan, link.feature_index, link.feature)
 
 
 class ChainMap:
@@ -89,8 +117,6 @@ class ChainMap:
         """The same segments in the robot frames of their scans, [m]."""
         self._rows: dict[int, list[int]] = {}
         """Of each chain, the rows of its links in their order."""
-        self._left: NDArray[np.bool_] = np.zeros(64, dtype=bool)
-        """Rows that moved away from their links."""
         self._behind: NDArray[np.bool_] = np.zeros(64, dtype=bool)
         """Chains that have such, by id."""
 
@@ -170,7 +196,7 @@ class ChainMap:
         if survivor_id == absorbed_id:
             raise SonarExploreError(f"chain {survivor_id} cannot be merged with itself")
         links = survivor.links + absorbed.links
-        self._chains[survivor_id] = replace(survivor, links=links, dangling=False)
+        self._chains[survivor_id] = replace(survivor, placed=links, moved_to=None, dangling=False)
         del self._chains[absorbed_id]
         self._dangling = [i for i in self._dangling if i not in (survivor_id, absorbed_id)]
         rows = self._rows.pop(absorbed_id)
@@ -187,25 +213,20 @@ class ChainMap:
         rows = slice(self._size)
         _place(
             *(np.ascontiguousarray(scans), poses, self._owners[rows], self._measured, self._segments),
-            *(self._left, self._behind),
+            self._behind,
         )
 
     def _catch_up(self, chain_id: int) -> None:
-        """The links of a chain go where their rows are."""
-        chain, rows = self._chains[chain_id], self._rows[chain_id]
-        moved, ends = self._left[rows].tolist(), self._segments[rows].tolist()
-        links = [
-            Link(Segment(*ends[i]), link.scan, link.feature_index, link.feature) if moved[i] else link
-            for i, link in enumerate(chain.links)
-        ]
-        self._chains[chain_id] = Chain(
-            chain_id, tuple(links), chain.root_index, chain.root_probability, chain.dangling
-        )
-        self._left[rows] = self._behind[chain_id] = False
+        """The links of a chain go where their rows are, once somebody looks at them."""
+        chain = self._chains[chain_id]
+        placed = vars(chain).get("links", chain.placed)
+        there = self._segments[self._rows[chain_id]]
+        self._chains[chain_id] = replace(chain, placed=placed, moved_to=there)
+        self._behind[chain_id] = False
 
     def _stack(self, link: Link, chain_id: int, index: int) -> None:
         if self._size == len(self._segments):
-            for name in ("_segments", "_owners", "_measured", "_left"):
+            for name in ("_segments", "_owners", "_measured"):
                 rows = getattr(self, name)
                 setattr(self, name, np.concatenate([rows, np.zeros_like(rows)]))
         self._segments[self._size] = link.segment.as_row()
@@ -216,8 +237,8 @@ class ChainMap:
 
 
 @kernel
-def _place(scans, poses, owners, measured, segments, left, behind):  # type: ignore[no-untyped-def]
-    """Segments of the links of these scans; the rows are `left` by their links then, and their chains `behind`."""
+def _place(scans, poses, owners, measured, segments, behind):  # type: ignore[no-untyped-def]
+    """Segments of the links of these scans; their chains are `behind` then."""
     turned = np.empty((len(scans), 2))
     number = np.full(scans[-1] + 1 if len(scans) else 0, -1)
     for k in range(len(scans)):
@@ -231,4 +252,4 @@ def _place(scans, poses, owners, measured, segments, left, behind):  # type: ign
         for i in (0, 2):
             at, across = measured[row, i], measured[row, i + 1]
             segments[row, i], segments[row, i + 1] = x + c * at - s * across, y + s * at + c * across
-        left[row] = behind[owners[row, 0]] = True
+        behind[owners[row, 0]] = True

@@ -51,7 +51,7 @@ def test_rows_that_are_put_and_replaced_stand_by_scan(seed):
 @settings(max_examples=30, deadline=None)
 @given(seeds)
 def test_evidence_is_placed_where_its_scans_are_believed_to_stand(seed):
-    rng, evidence = np.random.default_rng(seed), Evidence(still_m=0.0, lever_m=1.5)
+    rng, evidence = np.random.default_rng(seed), Evidence(still_m=0.0, far_still_m=0.0, lever_m=1.5)
     poses: list[Pose] = []
     looks: list[Look] = []
     for _ in range(6):

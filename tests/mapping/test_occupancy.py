@@ -41,7 +41,7 @@ def seen(walls, clear_m=0.0):
     return replace(nothing_seen(clear_m), walls=rows, continuations=rows)
 
 
-def draw(poses, looks, trail=(), obstacles=NONE):
+def draw(poses, looks, trail=(), obstacles=()):
     """With a trail, given in the map frame, since the first scan."""
     since_first = poses[0].inverse().transform(np.array(trail, dtype=float).reshape(-1, 2))
     return mapper().draw(poses, looks, [since_first, *nowhere(len(poses) - 1)], obstacles)
@@ -117,10 +117,10 @@ def test_a_long_specular_reading_neither_erases_a_wall_nor_frees_what_is_behind_
 def test_what_was_free_behind_a_wall_not_yet_seen_does_not_stay_free():
     before, after = mapper(), mapper()
     look, wall = nothing_seen(clear_m=1.4), seen([[0.8, -0.6, 0.8, 0.6]])
-    grid = before.draw([Pose(0, 0, 0)], [look], nowhere(1), NONE)
+    grid = before.draw([Pose(0, 0, 0)], [look], nowhere(1), [])
     assert state(grid, 1.2, 0.0) == FREE
     for m in (before, after):
-        grid = m.draw([Pose(0, 0, 0)] * 2, [look, wall], nowhere(2), NONE)
+        grid = m.draw([Pose(0, 0, 0)] * 2, [look, wall], nowhere(2), [])
         assert state(grid, 1.2, 0.0) == UNKNOWN
 
 
@@ -141,7 +141,7 @@ def test_the_wall_just_seen_stands_whatever_older_scans_say():
 def test_what_the_body_has_covered_is_free_though_the_ring_once_told_of_a_wall_there():
     obstacle = np.array([[0.5, -0.3, 0.5, 0.3]])
     trail = [(x, 0.0) for x in np.arange(0.0, 1.0, 0.05)]
-    blocked, passed = (draw([Pose(0, 0, 0)], [nothing_seen()], t, obstacle) for t in ([], trail))
+    blocked, passed = (draw([Pose(0, 0, 0)], [nothing_seen()], t, [(0, obstacle)]) for t in ([], trail))
     assert state(blocked, 0.5, 0.0) == OCCUPIED and state(passed, 0.5, 0.0) == FREE
     assert state(passed, 0.5, 0.25) == OCCUPIED
 
@@ -209,7 +209,7 @@ def test_a_foot_that_turns_is_on_the_map_as_a_point_and_bars_no_door():
     walls = [segment(1.0, 0.0, a) for a in (0.0, 0.5, 1.0)]
     m = mapper()
     looks = [*[seen([w]) for w in walls], nothing_seen(clear_m=1.5)]
-    grid = m.draw([Pose(0, 0, 0)] * 4, looks, nowhere(4), NONE)
+    grid = m.draw([Pose(0, 0, 0)] * 4, looks, nowhere(4), [])
     assert state(grid, 1.0, 0.0) == OCCUPIED
     assert np.count_nonzero(grid.occupied) == 1
     assert m.recent_points == pytest.approx(np.array([[1.0, 0.0]] * 3))
@@ -237,7 +237,7 @@ def test_walls_whose_feet_are_at_the_jambs_of_a_door_do_not_shut_it():
     sides = [[1.0, -1.2, 1.0, -0.5], [1.0, 0.5, 1.0, 1.2]]
     jambs = np.array([[1.0, -0.5], [1.0, 0.5]])
     looks = [replace(seen([*walls, *sides]), points=jambs), nothing_seen(1.4)]
-    grid = mapper().draw([Pose(0, 0, 0)] * 2, looks, nowhere(2), NONE)
+    grid = mapper().draw([Pose(0, 0, 0)] * 2, looks, nowhere(2), [])
     assert [state(grid, 1.0, y) for y in (-0.9, -0.5, 0.5, 0.9)] == [OCCUPIED] * 4
     assert [state(grid, 1.0, y) for y in (-0.3, 0.0, 0.3)] == [FREE] * 3
 
@@ -258,23 +258,23 @@ def test_a_door_under_a_wall_drawn_too_long_is_shut_until_the_map_is_doubted():
     maps, poses = mapper(), [Pose(0.0, 0.0, 0.0), Pose(0.0, 0.7, 0.0)]
     wall = replace(seen([1.0, -1.2, 1.0, 1.2]), points=np.array([[1.0, -0.9]]))
     looks = [wall, nothing_seen(1.5)]  # the second scan stands before the door and hears nothing
-    believed = maps.draw(poses, looks, nowhere(2), NONE)
-    doubted = maps.draw(poses, looks, nowhere(2), NONE, doubtful=True)
+    believed = maps.draw(poses, looks, nowhere(2), [])
+    doubted = maps.draw(poses, looks, nowhere(2), [], doubtful=True)
     assert state(believed, 1.0, 0.0) == state(doubted, 1.0, 0.0) == OCCUPIED  # the foot is sure
     assert state(believed, 1.0, 0.7) == OCCUPIED and state(believed, 1.3, 0.7) != FREE
     assert state(doubted, 1.0, 0.7) == state(doubted, 1.3, 0.7) == FREE
     assert state(believed, 1.0, -0.9) == OCCUPIED and state(doubted, 1.0, -0.9) != OCCUPIED
-    again = maps.draw(poses, looks, nowhere(2), NONE)
+    again = maps.draw(poses, looks, nowhere(2), [])
     np.testing.assert_array_equal(again.states, believed.states)
 
 
 def test_a_wall_that_was_passed_lets_no_scan_clear_what_is_behind_and_stands_where_the_map_is_doubted():
     maps, poses = mapper(), [Pose(0.0, 0.0, 0.0)]
     passed = replace(nothing_seen(1.5), passed=np.array([[1.0, -0.3, 1.0, 0.3]]))
-    believed = maps.draw(poses, [nothing_seen(1.5)], nowhere(1), NONE)
+    believed = maps.draw(poses, [nothing_seen(1.5)], nowhere(1), [])
     assert state(believed, 1.3, 0.0) == FREE
-    believed = maps.draw(poses, [passed], nowhere(1), NONE)
-    doubted = maps.draw(poses, [passed], nowhere(1), NONE, doubtful=True)
+    believed = maps.draw(poses, [passed], nowhere(1), [])
+    doubted = maps.draw(poses, [passed], nowhere(1), [], doubtful=True)
     assert state(believed, 1.3, 0.0) == state(doubted, 1.3, 0.0) == UNKNOWN
     assert state(believed, 0.8, 0.0) == state(believed, 1.0, 0.8) == FREE
     assert state(believed, 1.0, 0.0) != OCCUPIED and state(doubted, 1.0, 0.0) == OCCUPIED
@@ -284,9 +284,9 @@ def test_where_the_body_has_been_moves_with_the_scan_it_was_believed_after():
     m, wall = mapper(), np.array([[0.5, -0.6, 0.5, 0.6]])
     driven = np.column_stack([np.arange(0.0, 1.0, 0.05), np.zeros(20)])
     looks = [nothing_seen()] * 2
-    grid = m.draw([Pose(0, 0, 0)] * 2, looks, [driven, driven[:1]], wall)
+    grid = m.draw([Pose(0, 0, 0)] * 2, looks, [driven, driven[:1]], [(1, wall)])
     assert state(grid, 0.5, 0.0) == FREE and state(grid, 0.5, 0.4) == OCCUPIED
-    grid = m.draw([Pose(0, 0.4, 0), Pose(0, 0, 0)], looks, [driven, driven[:1]], wall)
+    grid = m.draw([Pose(0, 0.4, 0), Pose(0, 0, 0)], looks, [driven, driven[:1]], [(1, wall)])
     assert state(grid, 0.5, 0.0) == OCCUPIED and state(grid, 0.5, 0.4) == FREE
 
 
@@ -317,23 +317,72 @@ def test_redrawing_from_scratch_gives_the_grid_that_was_drawn_scan_by_scan(seed)
     obstacle = rng.uniform(0.0, 2.0, (1, 4))
     for k in range(1, 8):  # every pose is believed anew with every scan
         poses = [Pose(p.x + dx, p.y + dy, p.heading + dh) for p, (dx, dy, dh) in moved(true[:k], rng)]
-        grid = m.draw(poses, looks[:k], [*trails[: k - 1], trails[k - 1, :1]], obstacle)
-    fresh = mapper().draw(poses, looks, [*trails[:6], trails[6, :1]], obstacle)
+        grid = m.draw(poses, looks[:k], [*trails[: k - 1], trails[k - 1, :1]], [(0, obstacle)])
+    fresh = mapper().draw(poses, looks, [*trails[:6], trails[6, :1]], [(0, obstacle)])
     assert (window(grid.frame, grid.states, fresh.frame) == fresh.states).all()
 
 
 def test_a_scan_is_drawn_again_only_when_it_has_moved_and_then_where_it_is_now():
     true, looks, _ = scans_of_a_room(3, 4)
     m, off = mapper(), CONFIG.still_m
-    first = m.draw(true, looks, nowhere(4), NONE)
+    first = m.draw(true, looks, nowhere(4), [])
     for step in (0.3, 0.6, 0.9):  # by little and little, and never farther off than that
         crept = [Pose(p.x + step * off, p.y, p.heading) for p in true]
-        assert (m.draw(crept, looks, nowhere(4), NONE).states == first.states).all()
+        assert (m.draw(crept, looks, nowhere(4), []).states == first.states).all()
     turned = [Pose(p.x, p.y, p.heading + 1.1 * off / CONFIG.free_range_m) for p in true]
-    now, fresh = (one.draw(turned, looks, nowhere(4), NONE) for one in (m, mapper()))
+    now, fresh = (one.draw(turned, looks, nowhere(4), []) for one in (m, mapper()))
     assert (window(now.frame, now.states, fresh.frame) == fresh.states).all()
     assert (now.states != first.states).any()
 
 
 def moved(poses, rng):
     return zip(poses, rng.normal(0.0, 0.05, (len(poses), 3)), strict=True)
+
+
+def test_a_scan_far_away_waits_until_it_moved_by_a_cell_or_all_of_the_map_is_asked_for():
+    looks = [seen([0.52, -0.58, 0.52, 0.58])] * 2
+    there, here = Pose(0.0, 0.0, 0.0), Pose(6.0, 0.0, 0.0)
+    m = mapper()
+    first = m.draw([there, here], looks, nowhere(2), [])
+    crept = [Pose(0.8 * CONFIG.far_still_m, 0.0, 0.0), here]
+    left = m.draw(crept, looks, nowhere(2), [], fresh_m=5.0)
+    assert (left.states == first.states).all() and m.is_late(doubtful=False)
+    for poses, fresh_m in ((crept, 7.0), (crept, math.inf), ([Pose(0.06, 0.0, 0.0), here], 5.0)):
+        m = mapper()
+        m.draw([there, here], looks, nowhere(2), [])
+        now, fresh = (
+            m.draw(poses, looks, nowhere(2), [], fresh_m=fresh_m),
+            mapper().draw(poses, looks, nowhere(2), []),
+        )
+        assert (window(now.frame, now.states, fresh.frame) == fresh.states).all() and not m.is_late(
+            doubtful=False
+        )
+
+
+def test_what_stood_in_the_way_stays_with_its_scan_where_that_is_drawn():
+    m, looks = mapper(), [nothing_seen()] * 2
+    stood = [(0, np.array([[0.5, -0.3, 0.5, 0.3]]))]
+    first = m.draw([Pose(0, 0, 0), Pose(6, 0, 0)], looks, nowhere(2), stood)
+    crept = [Pose(0.8 * CONFIG.still_m, 0, 0), Pose(6, 0, 0)]
+    assert (m.draw(crept, looks, nowhere(2), stood).states == first.states).all()
+    off = m.draw([Pose(0.2, 0, 0), Pose(6, 0, 0)], looks, nowhere(2), stood)
+    assert state(off, 0.7, 0.0) == OCCUPIED and state(off, 0.5, 0.0) != OCCUPIED
+
+
+@settings(max_examples=8, deadline=None)
+@given(seeds)
+def test_what_was_late_on_the_doubted_map_is_made_up_for_once_all_of_it_is_asked_for(seed):
+    true, looks, _ = scans_of_a_room(seed, 7)
+    rng, m = (
+        np.random.default_rng(seed),
+        OccupancyMapper(replace(CONFIG, still_m=0.0, far_still_m=0.0), 0.18, 2.0),
+    )
+    trails = rng.uniform(-0.4, 0.4, (7, 3, 2))
+    for k in range(1, 8):
+        poses = [Pose(p.x + dx, p.y + dy, p.heading + dh) for p, (dx, dy, dh) in moved(true[:k], rng)]
+        doubtful, fresh_m = bool(rng.random() < 0.7), rng.uniform(0.1, 2.0)
+        m.draw(poses, looks[:k], [*trails[:k]], [], doubtful=doubtful, fresh_m=fresh_m)
+    grid = m.draw(poses, looks, [*trails], [], doubtful=True)
+    fresh = mapper().draw(poses, looks, [*trails], [], doubtful=True)
+    assert (window(grid.frame, grid.states, fresh.frame) == fresh.states).all()
+    assert not m.is_late(doubtful=True)

@@ -83,6 +83,9 @@ def test_the_stack_and_the_chains_say_the_same_and_ids_are_never_used_again(acti
         placed = found.feature.segment.transformed(poses.get(scan, Pose(0.0, 0.0, 0.0)))
         assert found.segment.as_row() == pytest.approx(tuple(segment))
         assert found.segment.as_row() == pytest.approx(placed.as_row())
+    for chain in chains.chains:
+        assert chain.ends.tolist() == [[*each.segment.as_row()] for each in chain.links]
+        assert chain.root == chain.links[chain.root_index]
     assert len(chains.segments) == sum(len(c.links) for c in chains.chains)
 
 

@@ -121,7 +121,7 @@ def test_the_span_of_a_chain_is_that_of_its_links_now():
     first, longer = Segment(0, 1, 1, 1), Segment(2, 1, 3, 1)
     spans, short = ChainSpans(), chain(first)
     assert spans.of([short]).spans[0] == pytest.approx((1.0, 0.0, 1.0, 0.0, 1.0))
-    grown = replace(short, links=(*short.links, *chain(longer).links))
+    grown = replace(short, placed=(*short.links, *chain(longer).links))
     assert spans.of([grown]).spans[0] == pytest.approx((1.0, 0.0, 1.0, 0.0, 3.0))
 
 

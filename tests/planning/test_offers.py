@@ -1,6 +1,7 @@
 # mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """Where the robot could go next, from places that a finder is made to find."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -50,14 +51,21 @@ class Land:
     behind_m2 = 2.0
     """What is free behind each place, and no safe way leads to."""
     resolution_m = 0.05
+    drifted = False
+    """Whether scans far away are drawn elsewhere than they are believed to stand: no way leads there on such a map."""
 
     def __init__(self, *places):
         self.places, self.version, self.doubtful, self.daring, self.free_m2 = places, 0, False, False, 50.0
         self.correction_m = 0.0
-        self.grid, self.scan_positions = None, np.zeros((0, 2))
+        self.grid, self.scan_positions, self.safe = None, np.zeros((0, 2)), False
 
     def believe(self, *, doubtful):
         self.doubtful = doubtful
+
+    def look_everywhere(self):
+        drifted, self.drifted, self.safe = self.drifted, False, self.drifted
+        self.version += drifted
+        return drifted
 
     def anchored(self, x, y):
         return 0, Pose(x - self.correction_m, y, 0.0)
@@ -87,7 +95,12 @@ class Land:
         return tuple(
             c
             for c in self.places
-            if (self.doubtful or (self.dared and self.daring) or (self.retraced and self.retracing))
+            if (
+                self.safe
+                or self.doubtful
+                or (self.dared and self.daring)
+                or (self.retraced and self.retracing)
+            )
             and not (np.hypot(*(put_aside - (c.x, c.y)).T) < 0.3).any()
         )
 
@@ -308,3 +321,11 @@ def test_where_every_scan_leaves_chains_that_dangle_the_robot_does_not_go_round_
         place(1.0, 0.0), DriveEnd.ARRIVED, HERE, 1.5 / LINK_SHARE
     )  # something new was looked at on the way
     assert offers.now(HERE)
+
+
+def test_all_of_the_map_is_drawn_where_it_is_believed_before_safe_ways_are_given_up():
+    far = replace(place(20.0, 0.0), path_length_m=5.0)
+    for drifted in (False, True):
+        land = Land(far)
+        land.drifted = drifted
+        assert offers_in(land).now(HERE) == (far,) and land.doubtful is not drifted

@@ -140,7 +140,7 @@ def _wall_error(
     robot = config.simulator.robot
     mapper = OccupancyMapper(config.mapping, robot.radius_m, robot.range_reliable_m)
     looks = [look_of(scan, seen, config.mapping) for scan, seen in zip(drive.scans, features, strict=True)]
-    grid = mapper.draw(poses, looks, [np.zeros((1, 2))] * len(poses), np.zeros((0, 4)))
+    grid = mapper.draw(poses, looks, [np.zeros((1, 2))] * len(poses), [])
     frame = grid.frame
     error = scorer.wall_error(grid.states, (frame.x0, frame.y0), frame.resolution_m)
     return None if error is None else round(error, 6)
