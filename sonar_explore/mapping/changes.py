@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.compiled import kernel
+from sonar_explore.compiled import inner_kernel, kernel
 
 Spans = NDArray[np.int64]
 """First column and last of each row, shape (rows, 2); the last is before the first where a row has none."""
@@ -21,6 +21,17 @@ def changed_spans(before: NDArray[np.generic], after: NDArray[np.generic], withi
 def whole_spans(shape: tuple[int, ...]) -> Spans:
     """All of every row."""
     return np.tile([0, shape[1] - 1], (shape[0], 1))
+
+
+def no_spans(shape: tuple[int, ...]) -> Spans:
+    """Nothing of any row; to be widened."""
+    return np.tile([shape[1], -1], (shape[0], 1))
+
+
+@inner_kernel
+def widen(spans, row, first, last):  # type: ignore[no-untyped-def]
+    """By columns of a row."""
+    spans[row, 0], spans[row, 1] = min(spans[row, 0], first), max(spans[row, 1], last)
 
 
 def box_of(spans: Spans) -> tuple[slice, slice] | None:

@@ -26,8 +26,9 @@ from sonar_explore.mapping.distance import Distances
 from sonar_explore.mapping.evidence import Evidence
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States, place_in
 from sonar_explore.mapping.looks import Look, MappingConfig
+from sonar_explore.mapping.marks import Marks
 from sonar_explore.mapping.rows import differing_rows
-from sonar_explore.mapping.sectors import Sectors, mark_points, mark_segments
+from sonar_explore.mapping.sectors import Sectors
 from sonar_explore.mapping.wall_ends import continued
 from sonar_explore.mapping.walls import bridges, pivot_points, shortened, trimmed
 
@@ -100,8 +101,13 @@ class _Drawn:
     sectors: Sectors = field(default_factory=Sectors)
     at: Array = field(default_factory=lambda: np.zeros((0, 3)))
     """Where the scans are drawn, x y [m] heading [rad], shape (scans, 3)."""
-    barriers: Array = field(default_factory=lambda: np.zeros((0, 4)))
-    """What shortened their sectors, shape (n, 4), [m]."""
+    passed: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    """Pieces of wall that the ring passed, where they are not among the walls, shape (n, 4), [m]."""
+    walls: Marks = field(default_factory=Marks)
+    fresh: Marks = field(default_factory=Marks)
+    """Those of the last scans."""
+    points: Marks = field(default_factory=Marks)
+    gaps: Marks = field(default_factory=Marks)
     pivots: Mask = field(default_factory=lambda: np.zeros(0, dtype=bool))
     """Which of their walls are none, shape (n,)."""
     late: Mask = field(default_factory=lambda: np.zeros(0, dtype=bool))
@@ -135,8 +141,6 @@ class OccupancyMapper:
         self._reach = reach_m
         self._frame: GridFrame | None = None
         self._seen = Evidence(config.still_m, config.far_still_m, config.free_range_m)
-        self._evidence: Array = np.empty((2, 0, 0))
-        self._marked: Mask = np.zeros((0, 0), dtype=bool)
         self._drawn = {False: _Drawn(), True: _Drawn()}
         """Believed and doubted: each goes on from where it was drawn last."""
         self.recent_points: Array = np.zeros((0, 2))
@@ -173,7 +177,8 @@ class OccupancyMapper:
         barriers = np.vstack([found.walls, found.gaps, seen.passed.all])
         drawn.sectors.resize(frame)
         last_trail = max(0, len(drawn.at) - 1)  # the one that may have grown since
-        again = self._to_cut(drawn, found.pivots, barriers, fresh_m if doubtful else math.inf)
+        changed = self._mark(drawn, frame, found, doubtful)
+        again = self._to_cut(drawn, found.pivots, changed, fresh_m if doubtful else math.inf)
         at, real = seen.at.all, ~found.pivots
         clear_m = cut_all_at_walls(
             *(again, at, seen.clear_m.all, barriers),
@@ -182,8 +187,7 @@ class OccupancyMapper:
         drawn.sectors.put(again, at[again], clear_m, seen.core_m.all[again])
         since_moved = sorted({*again.tolist(), *range(last_trail, len(poses))})
         drawn.sectors.trails(since_moved, seen.poses, trails, self._body)
-        evidence = self._evidence_of(frame, found, doubtful)
-        states = drawn.sectors.states(*evidence, cfg.core_weight, cfg.body_weight)
+        states = drawn.sectors.states((drawn.walls, drawn.fresh, drawn.points, drawn.gaps), cfg)
         return OccupancyGrid(frame, states, drawn.kept)
 
     def is_late(self, *, doubtful: bool) -> bool:
@@ -220,29 +224,25 @@ class OccupancyMapper:
             gaps = np.vstack([narrow, continued(heard, points, cfg.on_line_m, cfg.goes_on_m)])
         return _Walls(pivots, points, walls, fresh, gaps)
 
-    def _evidence_of(self, frame: GridFrame, found: _Walls, doubtful: bool) -> tuple[Array, Array]:
-        """For walls and for gaps that are none, in each cell, shape (rows, columns) both."""
-        cfg = self._config
-        # kept from map to map, and 0 but while one is drawn: fresh memory costs more
-        if self._evidence.shape[1:] != frame.shape:
-            self._evidence, self._marked = np.zeros((2, *frame.shape)), np.zeros(frame.shape, dtype=bool)
-        walls, gaps = self._evidence
-        mark_segments(frame, walls, found.walls, cfg.wall_weight)
-        mark_segments(frame, walls, found.walls[found.fresh], cfg.fresh_weight)
-        if doubtful:
-            mark_segments(frame, walls, self._seen.passed.all, cfg.wall_weight)
-        else:
-            mark_points(frame, walls, found.points, cfg.point_weight, self._marked)
-            mark_segments(frame, gaps, found.gaps, cfg.wall_weight)
-        return walls, gaps
+    def _mark(self, drawn: _Drawn, frame: GridFrame, found: _Walls, doubtful: bool) -> Array:
+        """Mark what is believed; the barriers that came or went, shape (k, 4), [m]."""
+        spans, passed = drawn.sectors.changed, self._seen.passed.all
+        walls = np.concatenate([found.walls, passed]) if doubtful else found.walls
+        changed = [drawn.walls.put(frame, walls, spans), drawn.gaps.put(frame, found.gaps, spans)]
+        if not doubtful:
+            changed += differing_rows(drawn.passed, passed)
+            drawn.passed = passed.copy()
+        drawn.fresh.put(frame, found.walls[found.fresh], spans)
+        points = found.points[:0] if doubtful else found.points
+        drawn.points.put(frame, np.hstack([points, points]), spans)
+        return np.concatenate(changed)
 
-    def _to_cut(self, drawn: _Drawn, pivots: Mask, barriers: Array, fresh_m: float) -> NDArray[np.int64]:
+    def _to_cut(self, drawn: _Drawn, pivots: Mask, changed: Array, fresh_m: float) -> NDArray[np.int64]:
         """Scans that may clear other cells than last time: they moved, or a wall of theirs or near them changed; those
         farther than `fresh_m` from the last one are late, unless they are new or have moved far."""
         seen, known = self._seen, len(drawn.at)
         at, moved = seen.at.all, np.ones(len(seen.poses), dtype=bool)
         moved[:known] = (at[:known] != drawn.at).any(axis=1)
-        changed = differing_rows(barriers, drawn.barriers)
         reach_m = seen.reach_m.all[:, 0] + self._config.wall_margin_m
         again = in_reach(at, reach_m, changed) | moved
         again[:known] |= drawn.late
@@ -252,7 +252,7 @@ class OccupancyMapper:
         if fresh_m < math.inf:
             far = np.hypot(*(at[:known, :2] - at[-1, :2]).T) > fresh_m
             late[:known] = again[:known] & far & (seen.moved_m(at[:known], drawn.at) <= LATE_M)
-        drawn.barriers, drawn.pivots, drawn.late = barriers, pivots, late
+        drawn.pivots, drawn.late = pivots, late
         where_drawn = at.copy()
         where_drawn[:known][late[:known]] = drawn.at[late[:known]]
         drawn.at = where_drawn

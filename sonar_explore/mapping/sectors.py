@@ -1,4 +1,4 @@
-"""The loops behind the grid: which cells a scan clears, where the body has been, which cells a wall passes."""
+"""The loops behind the grid: which cells a scan clears, where the body has been, and what all that makes of them."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
+from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array, Pose
-from sonar_explore.mapping.grid import FREE, OCCUPIED, UNKNOWN, GridFrame, Mask, States, grown, place_in
+from sonar_explore.mapping.changes import Spans, no_spans, whole_spans, widen
+from sonar_explore.mapping.grid import FREE, OCCUPIED, UNKNOWN, GridFrame, States, grown, place_in
+from sonar_explore.mapping.looks import MappingConfig
+from sonar_explore.mapping.marks import Marks
 
 Counts = NDArray[np.int32]
 _HAIR_M2 = 1e-9  # nearer than this to the square of a limit the exact distance decides
@@ -44,6 +47,9 @@ class Sectors:
         self._sectors: NDArray[np.uint16] = np.zeros((0, 0, 0), dtype=np.uint16)
         """The sector of each cell of its window, n beyond its reach, and whether it is cleared by the scan, by any
         reading and for certain, shape (scans, rows, columns)."""
+        self.changed: Spans = np.zeros((0, 2), dtype=np.int64)
+        """Where something may have changed since the states of cells were asked for."""
+        self._states: States = np.zeros((0, 0), dtype=np.uint8)
 
     def resize(self, frame: GridFrame) -> None:
         """Go over to a grown frame; counts keep their places."""
@@ -54,6 +60,7 @@ class Sectors:
         for name in ("cleared", "core", "_body"):
             setattr(self, name, grown(getattr(self, name), at, frame.shape, 0))
         self._windows[:, :2] += at
+        self.changed, self._states = whole_spans(frame.shape), np.zeros(frame.shape, dtype=np.uint8)
 
     def put(self, scans: NDArray[np.int64], at: Array, clear_m: Array, core_m: Array) -> None:
         """What scans clear by direction, shape (k, n) both, [m]; replaces what they cleared before. New ones come in
@@ -72,6 +79,7 @@ class Sectors:
         _put(
             *(scans, at, after, self._at),
             *(self.cleared, self.core, self._places, self._clear_m, self._windows, self._sectors),
+            self.changed,
         )
 
     def _make_room(self, scans: int, after: Array) -> None:
@@ -115,15 +123,28 @@ class Sectors:
         self._cover(np.concatenate(left), radius_m, -1)
         self._cover(np.concatenate(entered), radius_m, 1)
 
-    def states(self, walls: Array, gaps: Array, core_weight: float, body_weight: float) -> States:
+    def states(self, marks: Sequence[Marks], config: MappingConfig) -> States:
         """Occupied where there is more evidence of a wall, or of a gap that is none, than against it; free where
-        something cleared the cell; else unknown; shape (rows, columns) all. The evidence is 0 afterwards."""
-        states = np.zeros(walls.shape, dtype=np.uint8)
-        _decide(walls, gaps, self.cleared, self.core, self._body, core_weight, body_weight, states)
-        return states
+        something cleared the cell; else unknown; shape (rows, columns).
+
+        Args:
+            marks: walls, those of the last scans, points, gaps.
+        """
+        walls, fresh, points, gaps = marks
+        self._states, spans = self._states.copy(), self.changed
+        self.changed = no_spans(self._states.shape)
+        weights = (
+            *(config.wall_weight, config.fresh_weight, config.point_weight),
+            *(config.core_weight, config.body_weight),
+        )
+        _decide(
+            *(spans, walls.counts, fresh.counts, points.counts, gaps.counts, weights),
+            *(self.cleared, self.core, self._body, self._states),
+        )
+        return self._states
 
     def _cover(self, points: Array, radius_m: float, count: int) -> None:
-        _cover(self._body, *self._at, points, radius_m - 0.5 * self._at[2], count)
+        _cover(self._body, *self._at, points, radius_m - 0.5 * self._at[2], count, self.changed)
 
     @property
     def _at(self) -> tuple[float, float, float]:
@@ -131,66 +152,26 @@ class Sectors:
         return self._frame.x0, self._frame.y0, self._frame.resolution_m
 
 
-def mark_segments(frame: GridFrame, evidence: Array, segments: Array, weight: float) -> None:
-    """Add a weight to each cell that a segment passes, once per segment; segments in the map frame, (k, 4), [m]."""
-    _mark_segments(evidence, frame.x0, frame.y0, frame.resolution_m, segments, weight)
-
-
-def mark_points(frame: GridFrame, evidence: Array, points: Array, weight: float, marked: Mask) -> None:
-    """Add a weight to each cell that holds a point, once; points x y, map frame, shape (n, 2), [m]. `marked`: false
-    before and after, shape (rows, columns)."""
-    _mark_points(evidence, frame.x0, frame.y0, frame.resolution_m, points, weight, marked)
-
-
 @kernel
-def _decide(walls, gaps, cleared, core, body, core_weight, body_weight, states):  # type: ignore[no-untyped-def]
-    """No branches: several cells at a time."""
-    rows, columns = states.shape
-    for row in range(rows):
-        for column in range(columns):
+def _decide(spans, walls, fresh, points, gaps, weights, cleared, core, body, states):  # type: ignore[no-untyped-def]
+    """No branches: several cells at a time. `weights`: of a wall, fresh or not, a point, a core and the body."""
+    wall_weight, fresh_weight, point_weight, core_weight, body_weight = weights
+    for row in range(len(spans)):
+        for column in range(spans[row, 0], spans[row, 1] + 1):
             been = body[row, column] > 0
-            sure, wall, gap = core[row, column], walls[row, column], gaps[row, column]
+            sure = core[row, column]
+            wall = wall_weight * walls[row, column] + fresh_weight * fresh[row, column]
+            wall += point_weight if points[row, column] > 0 else 0.0
+            gap = wall_weight * gaps[row, column]
             against = core_weight * sure + (body_weight if been else 0.0)
             against = against if against > 0.0 else 0.0
             known = been | (cleared[row, column] > 0) | (sure > 0)
             shut = (wall if wall > gap else gap) > against
-            walls[row, column] = gaps[row, column] = 0.0
             states[row, column] = OCCUPIED if shut else (FREE if known else UNKNOWN)
 
 
 @kernel
-def _mark_segments(evidence, x0, y0, resolution, segments, weight):  # type: ignore[no-untyped-def]
-    rows, columns = evidence.shape
-    for i in range(len(segments)):
-        ax, ay = segments[i, 0], segments[i, 1]
-        ex, ey = segments[i, 2] - ax, segments[i, 3] - ay
-        count = max(1, int(math.ceil(math.hypot(ex, ey) / (0.4 * resolution))))
-        last_row, last_column = -1, -1
-        for k in range(count + 1):
-            row = int(math.floor((ay + ey * k / count - y0) / resolution))
-            column = int(math.floor((ax + ex * k / count - x0) / resolution))
-            if row == last_row and column == last_column:
-                continue
-            last_row, last_column = row, column
-            if 0 <= row < rows and 0 <= column < columns:
-                evidence[row, column] += weight
-
-
-@lean_kernel
-def _mark_points(evidence, x0, y0, resolution, points, weight, marked):  # type: ignore[no-untyped-def]
-    rows, columns = evidence.shape
-    for again in (False, True):
-        for i in range(len(points)):
-            row = int(math.floor((points[i, 1] - y0) / resolution))
-            column = int(math.floor((points[i, 0] - x0) / resolution))
-            if 0 <= row < rows and 0 <= column < columns:
-                if not again and not marked[row, column]:
-                    evidence[row, column] += weight
-                marked[row, column] = not again
-
-
-@kernel
-def _put(scans, poses, after, frame, cleared, core, places, clear, windows, sectors):  # type: ignore[no-untyped-def]
+def _put(scans, poses, after, frame, cleared, core, places, clear, windows, sectors, spans):  # type: ignore[no-untyped-def]
     """Count what scans clear from these poses, shape (m, 3), as far as `after`, shape (m, 2, n), less what they did.
 
     Where a scan stands as it did and its window reaches far enough, only cells of changed sectors are looked at.
@@ -206,21 +187,22 @@ def _put(scans, poses, after, frame, cleared, core, places, clear, windows, sect
         place, window = places[k], windows[k]
         stands = place[0] == poses[i, 0] and place[1] == poses[i, 1] and place[2] == poses[i, 2]
         if not stands or farthest > place[3]:
-            _take_back(cleared, core, window, sectors[k])
+            _take_back(cleared, core, window, sectors[k], spans)
             for b in range(n):
                 clear[k, 0, b], clear[k, 1, b] = -1.0, -1.0
             place[0], place[1], place[2], place[3] = poses[i, 0], poses[i, 1], poses[i, 2], farthest
             _sectors_of_cells(
                 cleared.shape[0], cleared.shape[1], frame, place, n, window, turns, unsure, sectors[k]
             )
-        _change(cleared, core, frame, place, window, sectors[k], clear[k], after[i], changed, squares)
+        _change(cleared, core, frame, place, window, sectors[k], clear[k], after[i], changed, squares, spans)
 
 
 @inner_kernel
-def _take_back(cleared, core, window, sectors):  # type: ignore[no-untyped-def]
+def _take_back(cleared, core, window, sectors, spans):  # type: ignore[no-untyped-def]
     """Count no more what was counted."""
     for r in range(window[2]):
         row, column = window[0] + r, window[1]
+        widen(spans, row, column, column + window[3] - 1)
         for c in range(window[3]):
             cleared[row, column + c] -= (sectors[r, c] >> _CLEARED) & 1
             core[row, column + c] -= sectors[r, c] >> _CORE
@@ -270,7 +252,7 @@ def _sectors_of_cells(rows, columns, frame, place, n, window, turns, unsure, sec
 
 
 @inner_kernel
-def _change(cleared, core, frame, place, window, sectors, before, after, changed, squares):  # type: ignore[no-untyped-def]
+def _change(cleared, core, frame, place, window, sectors, before, after, changed, squares, spans):  # type: ignore[no-untyped-def]
     """Count cells whose middle lies within `after` of their sector, shape (2, n), less those that are counted already,
     within `before`; `before` becomes `after`."""
     x0, y0, resolution = frame
@@ -297,6 +279,8 @@ def _change(cleared, core, frame, place, window, sectors, before, after, changed
             cleared[row, column] += clears - ((kept >> _CLEARED) & 1)
             core[row, column] += sure - (kept >> _CORE)
             sectors[r, c] = b | clears << _CLEARED | sure << _CORE
+            if sectors[r, c] != kept:
+                widen(spans, row, column, column)
 
 
 @inner_kernel
@@ -327,7 +311,7 @@ def _nearly_atan2(y, x):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _cover(counts, x0, y0, resolution, points, radius, count):  # type: ignore[no-untyped-def]
+def _cover(counts, x0, y0, resolution, points, radius, count, spans):  # type: ignore[no-untyped-def]
     """Add to the cells whose middle lies within a radius of a point, once for each point."""
     rows, columns = counts.shape
     for i in range(len(points)):
@@ -337,6 +321,7 @@ def _cover(counts, x0, y0, resolution, points, radius, count):  # type: ignore[n
         c0 = max(0, int(math.floor((x - radius - x0) / resolution)))
         c1 = min(columns - 1, int(math.floor((x + radius - x0) / resolution)))
         for row in range(r0, r1 + 1):
+            widen(spans, row, c0, c1)
             dy = y0 + (row + 0.5) * resolution - y
             for column in range(c0, c1 + 1):
                 dx = x0 + (column + 0.5) * resolution - x

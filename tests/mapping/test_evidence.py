@@ -11,9 +11,7 @@ from scipy.spatial import cKDTree
 
 from sonar_explore.geometry import Pose, wrap_angle
 from sonar_explore.mapping.evidence import Evidence, Rows
-from sonar_explore.mapping.grid import GridFrame
 from sonar_explore.mapping.looks import BINS, Look, _hear
-from sonar_explore.mapping.sectors import mark_points
 from sonar_explore.mapping.walls import bridges, pivot_points
 
 seeds = st.integers(0, 10_000)
@@ -98,20 +96,6 @@ def test_a_wall_is_none_where_a_tree_finds_another_scans_foot_under_another_norm
         if scan[i] != scan[j] and abs(wrap_angle(tangent[i] - tangent[j])) >= turn:
             expected[[i, j]] = True
     assert (pivot_points(walls, scan, within, turn) == expected).all()
-
-
-@settings(max_examples=30, deadline=None)
-@given(seeds)
-def test_a_cell_is_marked_once_however_many_points_it_holds(seed):
-    rng, frame = np.random.default_rng(seed), GridFrame(0.0, 0.0, 0.1, (8, 8))
-    points, evidence = rng.uniform(-0.2, 1.0, (60, 2)), np.ones(frame.shape)
-    marked = np.zeros(frame.shape, dtype=bool)
-    mark_points(frame, evidence, points, 0.5, marked)
-    cells = frame.cells(points)
-    cells = cells[frame.contains(cells)]
-    expected = np.ones(frame.shape)
-    expected[cells[:, 0], cells[:, 1]] = 1.5
-    assert (evidence == expected).all() and not marked.any()
 
 
 @settings(max_examples=30, deadline=None)

@@ -2,15 +2,19 @@
 """Counts that are kept up to date are the counts that a fresh draw gives."""
 
 import math
+from collections import Counter
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sonar_explore.geometry import Pose
+from sonar_explore.mapping.changes import no_spans
 from sonar_explore.mapping.cuts import cut_all_at_walls
 from sonar_explore.mapping.grid import GridFrame
-from sonar_explore.mapping.sectors import Sectors, mark_segments
+from sonar_explore.mapping.looks import MappingConfig
+from sonar_explore.mapping.marks import Marks
+from sonar_explore.mapping.sectors import Sectors
 
 REACH_M = 1.0
 seeds = st.integers(0, 10_000)
@@ -23,6 +27,14 @@ def random_put(rng):
 
 def put_one(sectors, index, pose, clear, core):
     sectors.put(np.array([index]), np.array([pose.as_row()]), clear[None], core[None])
+
+
+def marks_of(frame, *layers):
+    """The segments of each of four layers, as far as there are any."""
+    out = [Marks() for _ in range(4)]
+    for marks, segments in zip(out, [*layers, *[np.zeros((0, 4))] * 4], strict=False):
+        marks.put(frame, segments, no_spans(frame.shape))
+    return out
 
 
 def covering(frame, pose):
@@ -54,8 +66,8 @@ def test_putting_replacing_and_growing_gives_what_a_fresh_draw_gives(seed):
     assert (sectors.cleared == fresh.cleared).all() and sectors.cleared.any()
     assert (sectors.core == fresh.core).all()
     fresh.trails(range(3), seats, trails, 0.18)
-    nothing = np.zeros(frame.shape)
-    body = [s.states(nothing, nothing, 1.0, 1.0) for s in (sectors, fresh)]
+    marks = marks_of(frame, np.zeros((0, 4)))
+    body = [s.states(marks, MappingConfig()) for s in (sectors, fresh)]
     assert (body[0] == body[1]).all() and body[0].any()
 
 
@@ -127,18 +139,65 @@ def test_what_no_barrier_stands_in_stays_clear(seed):
 @settings(deadline=None)
 @given(seeds)
 def test_a_segment_marks_each_cell_it_passes_once_and_no_other(seed):
-    frame = GridFrame(0.0, 0.0, 0.1, (20, 20))
+    frame, marks = GridFrame(0.0, 0.0, 0.1, (20, 20)), Marks()
     segment = np.random.default_rng(seed).uniform(0.0, 2.0, (1, 4))
-    evidence = np.zeros(frame.shape)
-    mark_segments(frame, evidence, segment, 2.0)
+    marks.put(frame, segment, no_spans(frame.shape))
     along = np.linspace(0.0, 1.0, 200)[:, None]
     cells = frame.cells(segment[:, :2] + along * (segment[:, 2:] - segment[:, :2]))
     passed = np.zeros(frame.shape, dtype=bool)
     passed[cells[:, 0], cells[:, 1]] = True
-    assert set(np.unique(evidence)) <= {0.0, 2.0}
-    assert not (evidence > 0.0)[~passed].any() or np.count_nonzero((evidence > 0.0) & ~passed) <= 1
+    assert set(np.unique(marks.counts)) <= {0, 1}
+    assert not (marks.counts > 0)[~passed].any() or np.count_nonzero((marks.counts > 0) & ~passed) <= 1
     ends = frame.cells(segment.reshape(2, 2))
-    assert (evidence[ends[:, 0], ends[:, 1]] == 2.0).all()
+    assert (marks.counts[ends[:, 0], ends[:, 1]] == 1).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(seeds)
+def test_marks_of_segments_that_come_and_go_are_those_of_the_last_ones_and_tell_where_they_differ(seed):
+    rng, frame, marks = np.random.default_rng(seed), GridFrame(0.0, 0.0, 0.1, (20, 20)), Marks()
+    segments = np.zeros((0, 4))
+    for _ in range(5):
+        before, counts = segments, marks.counts.copy()
+        segments = np.concatenate([segments[rng.random(len(segments)) < 0.7], rng.uniform(-0.3, 2.3, (3, 4))])
+        segments = np.concatenate([segments, segments[:1]])  # one may stand there twice
+        if rng.random() < 0.2:
+            frame = GridFrame(frame.x0 - 1.0, frame.y0, 0.1, (frame.shape[0], frame.shape[1] + 10))
+        spans, fresh = no_spans(frame.shape), Marks()
+        changed = marks.put(frame, segments, spans)
+        fresh.put(frame, segments, no_spans(frame.shape))
+        assert (marks.counts == fresh.counts).all()
+        assert len(changed) == sum(
+            (Counter(map(tuple, before)) - Counter(map(tuple, segments))).values()
+        ) + sum((Counter(map(tuple, segments)) - Counter(map(tuple, before))).values())
+        if counts.shape == marks.counts.shape:
+            rows, columns = np.nonzero(counts != marks.counts)
+            assert ((spans[rows, 0] <= columns) & (columns <= spans[rows, 1])).all()
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds)
+def test_states_that_are_kept_where_nothing_changed_are_those_of_all_cells_anew(seed):
+    rng = np.random.default_rng(seed)
+    frame, sectors = GridFrame(0.0, 0.0, 0.1, (10, 10)), Sectors()
+    held: list = []
+    layers = [Marks() for _ in range(4)]
+    for k in range(8):
+        index, put = int(rng.integers(0, len(held) + 1)), random_put(rng)
+        held[index:] = [put, *held[index + 1 :]]
+        frame = covering(frame, put[0])
+        sectors.resize(frame)
+        segments = [rng.uniform(-2.0, 2.0, (4, 4)) for _ in layers]
+        for layer, rows in zip(layers, segments, strict=True):
+            layer.put(frame, rows, sectors.changed)
+        put_one(sectors, index, *put)
+        sectors.trails(range(1), [held[0][0]], [np.zeros((k, 2))], 0.18)
+        found, fresh = sectors.states(layers, MappingConfig()), Sectors()
+        fresh.resize(frame)
+        for i, one in enumerate(held):
+            put_one(fresh, i, *one)
+        fresh.trails(range(1), [held[0][0]], [np.zeros((k, 2))], 0.18)
+        assert (found == fresh.states(layers, MappingConfig())).all()
 
 
 @settings(max_examples=20, deadline=None)
