@@ -82,6 +82,10 @@ class Offers:
         self._doubted: list[Anchored] = []
         """Places that the robot looked from by a doubted map, anchored."""
         self._free_m2_at_chance = -math.inf
+        self._chance: Anchored | None = None
+        """The place that a second chance is underway to, anchored."""
+        self._chancing = False
+        """Whether what is on offer is one."""
         self._loop_trips = LOOP_TRIPS
         self._closing = False
         self._loop_goals: list[Anchored] = []
@@ -101,7 +105,7 @@ class Offers:
 
     def now(self, pose: Pose) -> tuple[Candidate, ...]:
         """What to choose from at this pose; leaves the surroundings as they were taken for it."""
-        self._closing = False
+        self._closing = self._chancing = False
         self._surroundings.retracing = False
         candidates: tuple[Candidate, ...] = ()
         for offer in (self._safe, self._dared, self._doubted_walls):
@@ -114,7 +118,7 @@ class Offers:
             candidates = self._dared(pose, math.inf if hemmed_in else far_m)
             candidates = candidates or self._doubted_walls(pose, far_m)
             candidates = candidates or self._before_the_end(pose)
-            candidates = candidates or self._second_chance(pose)
+            candidates = candidates or self._chance_underway(pose) or self._second_chance(pose)
             if not candidates and (hemmed_in or self._is_cut_off(pose)):
                 candidates = self._back_out(pose)
         if not candidates:
@@ -144,6 +148,8 @@ class Offers:
         if self._closing and end is not DriveEnd.UNDERWAY:
             self._loop_goals.append(self._surroundings.anchored(*place))
         self.goal = place if end is DriveEnd.UNDERWAY else None
+        if self._chancing:
+            self._chance = self._surroundings.anchored(*place) if end is DriveEnd.UNDERWAY else None
         if self._surroundings.doubtful and end is not DriveEnd.UNDERWAY:
             self._doubts -= 1
             # it looks from here, wherever it was going
@@ -300,6 +306,19 @@ class Offers:
         here.believe(doubtful=False)
         return ()
 
+    def _chance_underway(self, pose: Pose) -> tuple[Candidate, ...]:
+        """Places about the one that a second chance was going to when it stopped for a scan: nothing else leads on to
+        what lies so far off."""
+        if self._chance is None:
+            return ()
+        ((x, y),) = self._surroundings.placed([self._chance])
+        self._chance = None
+        self._surroundings.daring = True
+        found = self._candidates(pose, self._put_aside(pose))
+        near = tuple(c for c in found if math.hypot(c.x - x, c.y - y) <= DOUBTED_M)
+        self._chancing = bool(near)
+        return near
+
     def _second_chance(self, pose: Pose) -> tuple[Candidate, ...]:
         """Places that were put aside, once more as if the way had not been shut; again only after much was found."""
         if not self._shut:
@@ -312,6 +331,7 @@ class Offers:
         found = tuple(c for c in self._candidates(pose, ()) if c.new_area_m2 >= DOUBT_AREA_M2)
         if found and free_m2 >= self._free_m2_at_chance + SECOND_CHANCE_AFTER_M2:
             self._free_m2_at_chance, self._shut = free_m2, []
+            self._chancing = True
             return found
         here.swap_obstacles(obstacles)
         return ()

@@ -155,6 +155,18 @@ def test_a_place_is_given_another_try_from_elsewhere_where_the_way_to_it_was_shu
         land.believe(doubtful=False)
 
 
+@pytest.mark.parametrize("end", [DriveEnd.UNDERWAY, DriveEnd.ARRIVED])
+def test_a_second_chance_goes_on_over_its_legs_and_once_it_is_there_no_more(end):
+    goal = place(20.0, 0.0, 20.0)
+    land = Land(goal)
+    land.dared, land.behind_m2 = True, 0.0  # too far off to be dared for its own sake
+    offers = offers_in(land)
+    offers.learn(goal, DriveEnd.BLOCKED, HERE, 1.0)
+    offers._doubts = 0
+    assert try_one(offers, land, end, Pose(1.5, 0.0, 0.0)) == (goal,)
+    assert offers.now(Pose(1.5, 0.0, 0.0)) == ((goal,) if end is DriveEnd.UNDERWAY else ())
+
+
 @pytest.mark.parametrize("driven_m", [0.5 * FEW_M, 2.0 * FEW_M])
 def test_a_wall_of_a_small_building_is_doubted_whatever_was_seen_behind_it(driven_m):
     land = Land(place(1.0, 0.0, 2.0 * NEAR_M))
