@@ -82,7 +82,7 @@ def bench_slam_update(benchmark, links):
 
 @pytest.mark.parametrize("slam", ["chain", "smoothed"])
 def bench_decision(benchmark, slam):
-    """A step of Exploration-v0: drive, scan, SLAM, map, candidates."""
+    """A step of Exploration-v0: drive, scan, SLAM, map, candidates; and frontiers, for a policy that asks."""
     env = ExplorationEnv("paper/rooms", slam=slam)
     seeds = itertools.count()
 
@@ -90,6 +90,7 @@ def bench_decision(benchmark, slam):
         if env.end_reason:
             env.reset(seed=next(seeds))
         env.step(np.flatnonzero(env.action_masks())[0])
+        _ = env.situation.frontiers
 
     env.reset(seed=next(seeds))
     benchmark.pedantic(step, rounds=60, warmup_rounds=5)

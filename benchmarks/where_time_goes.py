@@ -44,9 +44,9 @@ PARTS: tuple[tuple[str, Any, str], ...] = (
     ("    the robot by itself", Simulator, "drive_leg"),
     ("drawing the map (in both)", OccupancyMapper, "draw"),
     ("  cells of changed scans", Sectors, "put"),
-    ("safe paths (in both)", paths.SafePaths, "__init__"),
+    ("safe paths, before any is looked for (in both)", paths.SafePaths, "__init__"),
     ("  room", paths, "clearance"),
-    ("  cheapest costs", Search, "_spread"),
+    ("cheapest costs of ways (in both)", Search, "_spread"),
 )
 
 
@@ -81,7 +81,7 @@ def main(world: str, slam: str) -> None:
     for title, holder, name in PARTS:
         seconds, calls = spent[holder, name]
         if calls:
-            print(f"{title:36s} {1e3 * seconds / scans:7.2f} ms  {calls / scans:6.2f} calls")
+            print(f"{title:48s} {1e3 * seconds / scans:7.2f} ms  {calls / scans:6.2f} calls")
 
 
 if __name__ == "__main__":
