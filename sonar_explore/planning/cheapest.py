@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array
-from sonar_explore.mapping.grid import Cells
+from sonar_explore.mapping.grid import Cells, Mask
 
 _SQRT2 = math.sqrt(2.0)
 
@@ -66,15 +66,27 @@ class Search:
         self.state = np.array([2, 1, 0, row, row, column, column])
         """Whatever `_spread` has to know to go on."""
         self._farthest, self._more = 0.0, True
+        self._start, self._region = start, np.zeros((0, 0), dtype=bool)
 
     def reach(self, most: float) -> bool:
         """All that costs no more than this; whether there are others, that cost more."""
         self._spread(most, -1)
         return self._more or self._farthest > most
 
-    def reach_cell(self, row: int, column: int) -> None:
-        """This one, with the rim, if a way leads there."""
-        self._spread(math.inf, row * self._columns + column)
+    def reach_cell(self, row: int, column: int) -> bool:
+        """This one, with the rim, if a way leads there: whether one does."""
+        leads = self.costs[row, column] < math.inf or (self._more and bool(self.region[row, column]))
+        if leads:
+            self._spread(math.inf, row * self._columns + column)
+        return leads
+
+    @property
+    def region(self) -> Mask:
+        """All cells that ways lead to, however dear, shape (rows, columns): told without looking for the ways."""
+        if not self._region.size:
+            self._region = np.zeros(self.costs.shape, dtype=bool)
+            _fill_region(self._cost, self._columns, *self._start, self._region.reshape(-1))
+        return self._region
 
     @property
     def window(self) -> Window:
@@ -166,6 +178,34 @@ def _spread(costs, columns, most, goal, farthest, state, buckets, entries, outs)
     state[_LOW_ROW], state[_HIGH_ROW] = low_row, high_row
     state[_LOW_COLUMN], state[_HIGH_COLUMN] = low_column, high_column
     return farthest, more
+
+
+@kernel
+def _fill_region(costs, columns, row, column, region):  # type: ignore[no-untyped-def]
+    """What joins a cell by the sides of cells that may be entered: a diagonal step needs both cells beside it, so none
+    leads on to anything else. Stretches of rows wait for what joins them above and below."""
+    waiting = np.empty(len(costs), dtype=np.int32)
+    waiting[0], count = row * columns + column, 1
+    while count > 0:
+        count -= 1
+        first = np.int64(waiting[count])
+        if region[first]:
+            continue
+        last = first
+        while costs[first - 1] < np.inf:
+            first -= 1
+        while costs[last + 1] < np.inf:
+            last += 1
+        for at in range(first, last + 1):
+            region[at] = True
+        for beside in (-columns, columns):
+            joined = False
+            for at in range(first + beside, last + beside + 1):
+                enters = costs[at] < np.inf and not region[at]
+                if enters and not joined:
+                    waiting[count] = at
+                    count += 1
+                joined = enters
 
 
 @kernel

@@ -243,11 +243,10 @@ class Offers:
         """Those of the places about which enough is free that no safe way on the map that is believed leads to."""
         if not places:
             return ()
-        beyond = self._surroundings.beyond_belief(pose, max(c.path_length_m for c in places) + BEHIND_M)
-        least = BEHIND_M2 / self._surroundings.resolution_m**2
-        if len(beyond) < least:
-            return ()
-        return tuple(c for c in places if (np.hypot(*(beyond - (c.x, c.y)).T) <= BEHIND_M).sum() >= least)
+        here, farthest_m = self._surroundings, max(c.path_length_m for c in places)
+        beyond = here.beyond_belief(pose, farthest_m + BEHIND_M, [(c.x, c.y) for c in places], BEHIND_M)
+        least = BEHIND_M2 / here.resolution_m**2
+        return tuple(c for c, cells in zip(places, beyond, strict=True) if cells >= least)
 
     def _is_hemmed_in(self, pose: Pose) -> bool:
         """Whether most of the places with room cannot be got to without daring."""

@@ -135,6 +135,9 @@ class SafePaths:
     @property
     def within(self) -> Mask:
         """Cells that the body can be driven to, shape (rows, columns)."""
+        if self._within_m == math.inf:
+            region: Mask = self._search.region[1:-1, 1:-1] & (self.room_m >= self.least_room_m)
+            return region
         first_row, end_row, first_column, end_column = self._reached()
         within: Mask = np.zeros(self.frame.shape, dtype=bool)
         part = np.s_[first_row - 1 : end_row - 1, first_column - 1 : end_column - 1]
@@ -161,8 +164,7 @@ class SafePaths:
         if not (0 <= row < self.frame.shape[0] and 0 <= column < self.frame.shape[1]):
             return None
         end = _rimmed((row, column))
-        self._search.reach_cell(*end)
-        if not self._search.costs[end] <= self._most:
+        if not self._search.reach_cell(*end) or not self._search.costs[end] <= self._most:
             return None
         way = cheapest_way(self._cell_costs, self._search.costs, end, self._search.window)
         return self.frame.centres(way - 1)

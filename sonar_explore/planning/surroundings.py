@@ -185,15 +185,25 @@ class Surroundings:
         known = [within_m for within_m in self._known_paths(pose) if within_m >= way_m]
         return self.paths(pose, min(known, default=math.inf))
 
-    def beyond_belief(self, pose: Pose, way_m: float) -> Array:
-        """Middles of cells that ways so long, [m], lead to as the map is taken, and no safe way on the map that is
-        believed, shape (n, 2), [m]."""
+    def beyond_belief(
+        self, pose: Pose, way_m: float, places: Sequence[tuple[float, float]], about_m: float
+    ) -> list[int]:
+        """How many cells have their middles so near to each of these places, x y, [m], that ways so long, [m], lead to
+        as the map is taken, and no safe way on the map that is believed."""
         taken_as = self._taken_as
         within = self.paths_as_far_as(pose, way_m).within
         self._taken_as = (False, False, False)
-        believed = self.paths(pose).within
+        beyond = within & ~self.paths(pose).within
         self._taken_as = taken_as
-        return self.grid.frame.centres(np.argwhere(within & ~believed))
+        frame, found = self.grid.frame, []
+        reach = math.ceil(about_m / frame.resolution_m) + 1
+        for place in places:
+            row, column = frame.cell(*place)
+            low, left = max(0, row - reach), max(0, column - reach)
+            cells = np.argwhere(beyond[low : row + reach + 1, left : column + reach + 1]) + (low, left)
+            off = frame.centres(cells) - place
+            found.append(int(np.count_nonzero(np.hypot(off[:, 0], off[:, 1]) <= about_m)))
+        return found
 
     def all_paths(self, pose: Pose, way_m: float, detour_m: float) -> Iterator[tuple[SafePaths, float]]:
         """Paths as far as a way is long, [m], and how long they may be, [m]: before those of the map as it is taken,

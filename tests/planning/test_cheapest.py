@@ -50,6 +50,20 @@ def test_the_costs_are_those_of_scipy(seed):
 
 @settings(max_examples=80, deadline=None)
 @given(seeds)
+def test_ways_lead_to_the_region_of_the_start_and_nowhere_else(seed):
+    cost, start, _ = ground(seed)
+    reached = np.isfinite(cheapest_costs(cost, start))
+    rimmed, found = np.pad(cost, 1, constant_values=np.inf), np.full(np.add(cost.shape, 2), np.inf)
+    entries = np.zeros((most_entries(cost.size), 2), dtype=np.int32)
+    start = start[0] + 1, start[1] + 1
+    search = Search(rimmed, start, float(cost[np.isfinite(cost)].max()), found, entries)
+    assert (search.region[1:-1, 1:-1] == reached).all()
+    for row, column in np.ndindex(cost.shape):
+        assert search.reach_cell(row + 1, column + 1) == reached[row, column]
+
+
+@settings(max_examples=80, deadline=None)
+@given(seeds)
 def test_a_search_that_goes_on_finds_what_one_search_finds_and_tells_whether_there_is_more(seed):
     cost, start, rng = ground(seed)
     expected = cheapest_costs(cost, start)

@@ -83,9 +83,9 @@ class Land:
     def near_paths(self, pose, within_m):
         return self.paths(pose, within_m)
 
-    def beyond_belief(self, pose, way_m):
+    def beyond_belief(self, pose, way_m, places, about_m):
         cells = round(self.behind_m2 / self.resolution_m**2)
-        return np.array([(c.x, c.y) for c in self.places for _ in range(cells)]).reshape(-1, 2)
+        return [cells * sum(np.hypot(c.x - x, c.y - y) <= about_m for c in self.places) for x, y in places]
 
     def swap_obstacles(self, obstacles):
         self.version += 1
