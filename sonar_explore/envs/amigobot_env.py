@@ -8,6 +8,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from sonar_explore.envs.load import draw_world, is_generator, load_world
@@ -126,6 +127,8 @@ class AmigoBotEnv(gym.Env[Observation, Action]):
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Hold the speeds for one control period."""
+        if not hasattr(self, "_explored_m2"):
+            raise ResetNeeded("Cannot call env.step() before calling env.reset()")
         if not np.isfinite(action).all():
             raise SonarExploreError(f"action {action} is no pair of speeds")
         speed, turn_rate = (np.clip(action, -1.0, 1.0) * self._speed_max).tolist()

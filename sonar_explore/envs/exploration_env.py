@@ -11,6 +11,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from sonar_explore.config import ExplorationConfig
@@ -164,6 +165,7 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
 
     def step(self, action: np.int64) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Go to a candidate and scan there."""
+        self._require_reset("step")
         candidates = self.situation.candidates
         if not candidates:
             return self._observation(), 0.0, True, False, self._info()
@@ -187,6 +189,7 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
 
     def action_masks(self) -> NDArray[np.int8]:
         """Which actions are possible, shape (max_candidates,)."""
+        self._require_reset("action_masks")
         mask = np.zeros(int(self.action_space.n), dtype=np.int8)  # type: ignore[attr-defined]
         mask[: max(1, len(self.situation.candidates))] = 1
         return mask
@@ -200,9 +203,14 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
 
     def render(self) -> NDArray[np.uint8] | str | None:
         """The map as a picture of what the observation shows, shape (rows, columns, 3), or as text."""
+        self._require_reset("render")
         if self.render_mode == "rgb_array":
             return render_rgb(self.situation, self._frame)
         return render_ansi(self.situation) if self.render_mode == "ansi" else None
+
+    def _require_reset(self, method: str) -> None:
+        if not hasattr(self, "situation"):
+            raise ResetNeeded(f"Cannot call env.{method}() before calling env.reset()")
 
     def _enter(self, world: World) -> None:
         """Put the robot into a world."""

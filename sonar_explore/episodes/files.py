@@ -8,6 +8,7 @@ import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -74,28 +75,35 @@ def load_record(path: Path) -> EpisodeRecord:
         content = path.read_bytes()
     except OSError as error:
         raise SonarExploreError(f"cannot read {path}: {error.strerror}") from error
+    return decode_record(content, path)
+
+
+def decode_record(content: bytes, path: Path) -> EpisodeRecord:
+    """The record in the bytes of a file; one line says whether it is none, or one that is no longer read."""
     try:
         record = msgspec.json.decode(content, type=EpisodeRecord)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise SonarExploreError(
-            f"{path} is not an episode record{_other_version(content)}: {error}"
-        ) from error
+        raise SonarExploreError(_why_no_record(content, path, error)) from error
     if not record.steps:
         raise SonarExploreError(f"{path} is an episode without a scan; every run has one at least")
     return record
 
 
-class _Version(msgspec.Struct):
+class _AnyRecord(msgspec.Struct):
+    """What records of all versions have."""
+
     version: str
+    world: dict[str, Any]
+    steps: list[Any]
 
 
-def _other_version(content: bytes) -> str:
-    """What to say of a record that another version wrote."""
-    with contextlib.suppress(msgspec.DecodeError, UnicodeDecodeError):
-        wrote = msgspec.json.decode(content, type=_Version).version
-        if wrote != __version__:
-            return f" of version {__version__} but of {wrote}; run the episode again"
-    return ""
+def _why_no_record(content: bytes, path: Path, error: Exception) -> str:
+    try:
+        wrote = msgspec.json.decode(content, type=_AnyRecord).version
+    except (msgspec.DecodeError, UnicodeDecodeError):
+        return f"{path} is not an episode record: {error}"
+    by = "an older state of the code, or changed by hand" if wrote == __version__ else f"version {wrote}"
+    return f"{path} was written by {by}; {__version__} cannot read it ({error}); run the episode again"
 
 
 def _umask() -> int:

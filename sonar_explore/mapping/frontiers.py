@@ -68,6 +68,7 @@ class _Edge:
         self._edge: Mask = np.zeros((0, 0), dtype=bool)
 
     def of(self, grid: OccupancyGrid) -> Cells:
+        """Cells (row, column) of the edge, shape (n, 2), in the order of the map's rows."""
         states, to_walls, (frame, before) = grid.states, grid.to_walls_m, self._before
         at = place_in(frame, grid.frame)
         if not (before.size and holds(states.shape, at, before.shape)):

@@ -13,6 +13,7 @@ our reading, judged by its aim: few *false-free* cells. Three kinds of evidence:
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
@@ -64,7 +65,7 @@ class OccupancyGrid:
     @property
     def to_walls(self) -> ToWalls:
         """What keeps `to_walls_m`."""
-        return self.keeper("to walls", lambda: ToWalls(self.frame.resolution_m))
+        return self.keeper("to walls", lambda: ToWalls(Distances(cell_m=self.frame.resolution_m)))
 
     @property
     def free(self) -> Mask:
@@ -77,21 +78,32 @@ class OccupancyGrid:
         return self.states == OCCUPIED
 
 
-class ToWalls:
-    """`OccupancyGrid.to_walls_m` of one map after another."""
+class DistancesTo(ABC):
+    """Distance of each cell to the nearest one that is shut, of one map after another."""
 
-    def __init__(self, cell_m: float) -> None:
-        self.distances = Distances(cell_m=cell_m)
+    def __init__(self, distances: Distances) -> None:
+        self.distances = distances
         self._states: States | None = None
         self._frame: GridFrame | None = None
 
+    @abstractmethod
+    def _shut(self, grid: OccupancyGrid) -> Mask:
+        """Shape (rows, columns)."""
+
     def of(self, grid: OccupancyGrid) -> Array:
-        """Shape (rows, columns), [m]."""
+        """Shape (rows, columns), [m]; what is kept where the map is the one of the last call."""
         if grid.states is not self._states:
             at = (0, 0) if self._frame is None else place_in(self._frame, grid.frame)
             self._states, self._frame = grid.states, grid.frame
-            self._found = self.distances.of(grid.occupied, at)
+            self._found = self.distances.of(self._shut(grid), at)
         return self._found
+
+
+class ToWalls(DistancesTo):
+    """`OccupancyGrid.to_walls_m`."""
+
+    def _shut(self, grid: OccupancyGrid) -> Mask:
+        return grid.occupied
 
 
 @dataclass(eq=False)

@@ -14,8 +14,8 @@ from scipy import ndimage
 from sonar_explore.compiled import kernel
 from sonar_explore.geometry import Array
 from sonar_explore.mapping.distance import Distances
-from sonar_explore.mapping.grid import OCCUPIED, Cells, GridFrame, Mask, States, grown, place_in
-from sonar_explore.mapping.occupancy import OccupancyGrid
+from sonar_explore.mapping.grid import OCCUPIED, Cells, GridFrame, Mask, grown, place_in
+from sonar_explore.mapping.occupancy import DistancesTo, OccupancyGrid
 from sonar_explore.mapping.regions import WithoutHoles
 from sonar_explore.planning.cheapest import Search, Window, cheapest_way, most_entries, window_of
 from sonar_explore.planning.polyline import fewer_corners
@@ -257,21 +257,15 @@ def _kept_clearance(grid: OccupancyGrid, config: PlanningConfig) -> _Clearance:
     return grid.keeper(("clearance", most), lambda: _Clearance(most, res))
 
 
-class _Clearance:
+class _Clearance(DistancesTo):
     """`clearance` of one map after another."""
 
     def __init__(self, most: int, cell_m: float) -> None:
+        super().__init__(Distances(less=0.5, cell_m=cell_m))
         self._holes = WithoutHoles(most)
-        self.distances = Distances(less=0.5, cell_m=cell_m)
-        self._states: States | None = None
-        self._frame: GridFrame | None = None
 
-    def of(self, grid: OccupancyGrid) -> Array:
-        if grid.states is not self._states:
-            at = (0, 0) if self._frame is None else place_in(self._frame, grid.frame)
-            self._states, self._frame = grid.states, grid.frame
-            self._found = self.distances.of(~(self._holes.of(grid.free) & ~grid.occupied), at)
-        return self._found
+    def _shut(self, grid: OccupancyGrid) -> Mask:
+        return ~(self._holes.of(grid.free) & ~grid.occupied)
 
 
 def _escape_zone(grid: OccupancyGrid, start: tuple[int, int], within_m: float) -> Mask:

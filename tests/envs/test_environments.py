@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from env_runs import continued, trajectory
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
 import sonar_explore  # noqa: F401 - registers the ids
@@ -23,6 +24,13 @@ pytestmark = pytest.mark.filterwarnings("error")
 def test_the_checker_finds_nothing(name, render_mode):
     env = gym.make(f"sonar_explore:{name}", world="paper/corridor", render_mode=render_mode)
     check_env(env.unwrapped)
+
+
+@both
+def test_a_step_before_the_first_reset_says_that_a_reset_is_needed(name):
+    env = gym.make(f"sonar_explore:{name}", world="paper/corridor").unwrapped
+    with pytest.raises(ResetNeeded, match=r"env\.step\(\) before calling env\.reset\(\)"):
+        env.step(env.action_space.sample())
 
 
 @both

@@ -4,6 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from env_runs import room, trajectory
+from gymnasium.error import ResetNeeded
 
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.envs.exploration_env import ExplorationEnv
@@ -47,6 +48,13 @@ def test_the_mask_is_told_three_times_the_same():
     np.testing.assert_array_equal(observation["action_mask"], info["action_mask"])
     np.testing.assert_array_equal(observation["action_mask"], env.action_masks())
     assert observation["action_mask"].sum() == len(env.situation.candidates)
+
+
+@pytest.mark.parametrize("method", ["action_masks", "render"])
+def test_nothing_is_told_before_the_first_reset(method):
+    env = ExplorationEnv("paper/corridor", render_mode="ansi")
+    with pytest.raises(ResetNeeded, match=method):
+        getattr(env, method)()
 
 
 def test_a_decision_that_is_not_offered_is_an_error():

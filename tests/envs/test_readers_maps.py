@@ -72,7 +72,7 @@ def test_unknown_is_not_free(tmp_path: Path) -> None:
     [
         ("map.pgm", "/etc/passwd", "same folder"),
         ("map.pgm", "../map.pgm", "same folder"),
-        ("map.pgm", "none.pgm", "no world file"),
+        ("map.pgm", "none.pgm", "map.yaml: there is no image 'none.pgm'"),
         ("resolution: 0.05", "resolution: -1", "> 0"),
         ("resolution: 0.05", "", "resolution"),
         ("[-1.0, -2.0, 0.0]", "[.nan, 0, 0]", "no place in metres"),

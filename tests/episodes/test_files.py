@@ -27,12 +27,19 @@ def refused(tmp_path, content):
 
 def test_a_record_of_another_version_that_cannot_be_read_says_which_version_wrote_it(content, tmp_path):
     older = {**content, "version": "0.0.1", "summary": {}}
-    assert "but of 0.0.1; run the episode again" in refused(tmp_path, older)
+    said = refused(tmp_path, older)
+    assert "by version 0.0.1;" in said and "run the episode again" in said
 
 
-def test_a_broken_record_of_this_version_says_what_is_missing_and_nothing_of_versions(content, tmp_path):
-    said = refused(tmp_path, {**content, "summary": {}})
-    assert "`world`" in said and "version" not in said
+def test_a_record_of_an_older_format_says_what_it_lacks_and_what_to_do(content, tmp_path):
+    lacking = {key: value for key, value in content["steps"][0].items() if key != "map_change"}
+    said = refused(tmp_path, {**content, "steps": [lacking]})
+    assert "older state of the code" in said and "run the episode again" in said and "`map_change`" in said
+
+
+@pytest.mark.parametrize("other", [{}, [], {"version": "0.0.1"}])
+def test_what_is_no_record_at_all_is_not_taken_for_an_old_one(other, tmp_path):
+    assert "is not an episode record: " in refused(tmp_path, other)
 
 
 def test_a_record_without_a_scan_is_none(content, tmp_path):

@@ -29,6 +29,25 @@ def put_one(sectors, index, pose, clear, core):
     sectors.put(np.array([index]), np.array([pose.as_row()]), clear[None], core[None])
 
 
+def drawn(frame, held):
+    """All scans put onto a map of their own."""
+    sectors = Sectors()
+    sectors.resize(frame)
+    for index, put in enumerate(held):
+        put_one(sectors, index, *put)
+    return sectors
+
+
+def put_at_random(rng, held, frame, sectors):
+    """One scan more, or another one in the place of one; the frame that covers it."""
+    index, put = int(rng.integers(0, len(held) + 1)), random_put(rng)
+    held[index:] = [put, *held[index + 1 :]]
+    frame = covering(frame, put[0])
+    sectors.resize(frame)
+    put_one(sectors, index, *put)
+    return frame
+
+
 def marks_of(frame, *layers):
     """The segments of each of four layers, as far as there are any."""
     out = [Marks() for _ in range(4)]
@@ -49,20 +68,12 @@ def test_putting_replacing_and_growing_gives_what_a_fresh_draw_gives(seed):
     frame, sectors = GridFrame(0.0, 0.0, 0.1, (10, 10)), Sectors()
     held: list = []
     for _ in range(12):
-        index = int(rng.integers(0, len(held) + 1))
-        put = random_put(rng)
-        held[index:] = [put, *held[index + 1 :]]
-        frame = covering(frame, put[0])
-        sectors.resize(frame)
-        put_one(sectors, index, *put)
+        frame = put_at_random(rng, held, frame, sectors)
     trails = list(rng.uniform(-0.4, 0.4, (3, 8, 2)))
     for k in range(9):  # the poses of the first scans are believed anew each time
         seats = [Pose(*rng.uniform(-0.2, 0.2, 3)), held[0][0], held[0][0]]
         sectors.trails(range(3), seats, [way[:k] for way in trails], 0.18)
-    fresh = Sectors()
-    fresh.resize(frame)
-    for i, put in enumerate(held):
-        put_one(fresh, i, *put)
+    fresh = drawn(frame, held)
     assert (sectors.cleared == fresh.cleared).all() and sectors.cleared.any()
     assert (sectors.core == fresh.core).all()
     fresh.trails(range(3), seats, trails, 0.18)
@@ -183,19 +194,11 @@ def test_states_that_are_kept_where_nothing_changed_are_those_of_all_cells_anew(
     held: list = []
     layers = [Marks() for _ in range(4)]
     for k in range(8):
-        index, put = int(rng.integers(0, len(held) + 1)), random_put(rng)
-        held[index:] = [put, *held[index + 1 :]]
-        frame = covering(frame, put[0])
-        sectors.resize(frame)
-        segments = [rng.uniform(-2.0, 2.0, (4, 4)) for _ in layers]
-        for layer, rows in zip(layers, segments, strict=True):
-            layer.put(frame, rows, sectors.changed)
-        put_one(sectors, index, *put)
+        frame = put_at_random(rng, held, frame, sectors)
+        for layer in layers:
+            layer.put(frame, rng.uniform(-2.0, 2.0, (4, 4)), sectors.changed)
         sectors.trails(range(1), [held[0][0]], [np.zeros((k, 2))], 0.18)
-        found, fresh = sectors.states(layers, MappingConfig()), Sectors()
-        fresh.resize(frame)
-        for i, one in enumerate(held):
-            put_one(fresh, i, *one)
+        found, fresh = sectors.states(layers, MappingConfig()), drawn(frame, held)
         fresh.trails(range(1), [held[0][0]], [np.zeros((k, 2))], 0.18)
         assert (found == fresh.states(layers, MappingConfig())).all()
 

@@ -75,4 +75,9 @@ def _image_beside(path: Path, image: str) -> Path:
     name = PurePosixPath(image)
     if name.is_absolute() or ".." in name.parts or not image.strip() or "\0" in image:
         raise SonarExploreError(f"{path.name}: the image {image!r} must lie in the same folder or below it")
-    return path.parent / name
+    beside = path.parent / name
+    if not beside.is_file():
+        raise SonarExploreError(
+            f"{path.name}: there is no image {image!r} beside it, in {str(path.parent)!r}"
+        )
+    return beside
