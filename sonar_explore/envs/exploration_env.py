@@ -83,8 +83,9 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
     `world`: a shipped name, a file, one generated world such as `generated/office-17`, or a generator such as
     `generated/office`, which draws a new world at each reset. `slam`: `chain`, `literal`, `smoothed`,
     `grid-pf`, `scan-match`, `off` or `truth`. `noise`: odometry preset `paper`, `ideal`, `worn`, or None to take
-    `config`'s. `config`: an `ExplorationConfig`. `max_scans`: None to take `config`'s. `max_candidates`, `max_chains`, `map_shape`: sizes of
-    the observation (a map holds at least what one scan clears), the same for every world that is drawn. `render_mode`: `rgb_array` or `ansi`.
+    `config`'s. `config`: an `ExplorationConfig`. `max_scans`: None to take `config`'s. `max_candidates`: how many are
+    offered at most. It, `max_chains` and `map_shape` are sizes of the observation, the same for every world that is drawn;
+    a map holds at least what one scan clears, and what lies beyond it is not shown. `render_mode`: `rgb_array` or `ansi`.
 
     ## Version History
     v0: first.
@@ -107,11 +108,10 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
         config = config or ExplorationConfig()
         config = config if max_scans is None else replace(config, max_scans=max_scans)
         self.config = config if noise is None else config.with_noise(noise)
-        if max_candidates < self.config.candidates.most:
-            raise SonarExploreError(
-                f"max_candidates is {max_candidates}, fewer than the {self.config.candidates.most} "
-                "that config.candidates.most may offer"
-            )
+        if max_candidates < 1:
+            raise SonarExploreError(f"max_candidates is {max_candidates}; at least 1 is possible")
+        most = min(max_candidates, self.config.candidates.most)
+        self.config = replace(self.config, candidates=replace(self.config.candidates, most=most))
         one_scan = 2 * round(self.config.mapping.free_range_m / self.config.mapping.resolution_m)
         if min(map_shape) < one_scan:
             raise SonarExploreError(

@@ -31,15 +31,9 @@ def save_picture(world: World, found: Survey, path: Path) -> None:
     axes = figure.add_subplot()
     draw_plan(axes, world)
     narrow = found.passages[found.passages[:, 2] <= DOOR_MAX_M][:60]
-    axes.plot(
-        narrow[:, 0],
-        narrow[:, 1],
-        "D",
-        color=_NARROW,
-        markersize=3.5,
-        label=f"{found.doors} narrow passages",
-        zorder=4,
-    )
+    if len(narrow):
+        label = f"{found.doors} narrow passage{'s'[: found.doors != 1]}"
+        axes.plot(*narrow[:, :2].T, "D", color=_NARROW, markersize=3.5, label=label, zorder=4)
     axes.set_title(
         f"{world.name}: {found.free_area_m2:.1f} m², {100 * found.reached_share:.1f} % within reach",
         fontsize=10,

@@ -11,6 +11,7 @@ import numpy as np
 from sonar_explore.episodes.files import write_atomically
 from sonar_explore.episodes.record import EpisodeRecord, GridRecord, Pose3
 from sonar_explore.errors import SonarExploreError
+from sonar_explore.geometry import wrap_angle
 from sonar_explore.mapping.grid import FREE, OCCUPIED
 
 BRIGHTNESS = {FREE: 254, OCCUPIED: 0}
@@ -26,15 +27,16 @@ def write_trajectory(record: EpisodeRecord, path: Path, *, true: bool = False) -
 
 
 def tum(times_s: Sequence[float], poses: Sequence[Pose3]) -> str:
-    """Lines of `timestamp tx ty tz qx qy qz qw`: seconds, metres, a unit quaternion about z.
+    """Lines of `timestamp tx ty tz qx qy qz qw`: seconds, metres, a unit quaternion about z, its qw not negative.
 
     >>> tum([1.5], [(1.0, 2.0, 0.0)])
-    '1.500000 1.000000 2.000000 0.000000 0.000000000 0.000000000 0.000000000 1.000000000\\n'
+    '1.500000 1.000000 2.000000 0.000000 0 0 0.000000000 1.000000000\\n'
     """
-    return "".join(
-        f"{t:.6f} {x:.6f} {y:.6f} {0:.6f} {0:.9f} {0:.9f} {math.sin(h / 2):.9f} {math.cos(h / 2):.9f}\n"
-        for t, (x, y, h) in zip(times_s, poses, strict=True)
-    )
+    lines = []
+    for t, (x, y, heading) in zip(times_s, poses, strict=True):
+        half = 0.5 * wrap_angle(heading)
+        lines.append(f"{t:.6f} {x:.6f} {y:.6f} 0.000000 0 0 {math.sin(half):.9f} {math.cos(half):.9f}\n")
+    return "".join(lines)
 
 
 def write_ros_map(record: EpisodeRecord, name: Path, states: np.ndarray) -> tuple[Path, Path]:

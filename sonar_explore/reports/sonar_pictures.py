@@ -64,7 +64,8 @@ def draw_replay(axes: Any, done: Replay, walls: Sequence[Segment] = (), title: s
         known = np.array([(pose.x, pose.y) for pose in done.log.reference])
         axes.plot(*known.T, "s--", color=REFERENCE, markersize=3.5, linewidth=0.9, label="reference")
     axes.plot(*path.T, "o-", color="#d98200", markersize=3.5, linewidth=1.2, label="believed")
-    axes.legend(loc="best", fontsize=8, frameon=False)
+    # below: in a map this small a legend would cover what it explains
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=2, fontsize=8, frameon=False)
     _tidy(axes, title)
 
 

@@ -73,9 +73,16 @@ def test_where_nothing_is_left_after_the_first_scan_one_action_is_possible_and_e
     assert (reward, terminated, truncated, info["end_reason"]) == (0.0, True, False, "explored")
 
 
-def test_fewer_actions_than_candidates_could_need_is_an_error():
-    with pytest.raises(SonarExploreError, match="max_candidates"):
-        ExplorationEnv(max_candidates=3)
+def test_no_more_candidates_are_offered_than_there_are_actions():
+    few = ExplorationEnv("paper/corridor", max_candidates=3)
+    all_ = ExplorationEnv("paper/corridor")
+    assert len(few.observation_space["candidates"].low) == few.action_space.n == 3
+    for env in (few, all_):
+        env.reset(seed=0)
+    assert len(all_.situation.candidates) > 3
+    assert few.situation.candidates == all_.situation.candidates[:3]
+    with pytest.raises(SonarExploreError, match="max_candidates is 0"):
+        ExplorationEnv(max_candidates=0)
 
 
 def test_frontiers_of_a_situation_are_those_of_its_map_whenever_they_are_asked_for():

@@ -44,10 +44,11 @@ def test_a_trajectory_has_every_scan_in_order_of_time_at_its_pose(exported):
         assert np.abs(np.arctan2(np.sin(turn), np.cos(turn))).max() < 1e-6
 
 
-def test_a_quaternion_is_of_length_one_whatever_the_heading():
+def test_a_quaternion_is_of_length_one_and_its_qw_not_negative_whatever_the_heading():
     lines = tum(range(50), [(0.0, 0.0, h) for h in np.linspace(-20, 20, 50)]).splitlines()
-    lengths = [math.hypot(*map(float, line.split()[4:])) for line in lines]
-    assert lengths == pytest.approx([1.0] * 50, abs=1e-8)
+    quaternions = [tuple(map(float, line.split()[4:])) for line in lines]
+    assert [math.hypot(*q) for q in quaternions] == pytest.approx([1.0] * 50, abs=1e-8)
+    assert all(q[3] >= 0.0 for q in quaternions)
 
 
 def test_evo_reads_the_trajectories_and_finds_the_error_that_the_summary_says(exported):
