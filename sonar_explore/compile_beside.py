@@ -43,6 +43,8 @@ def compiling_beside() -> Iterator[Beside]:
         return
 
     class Listener(event.Listener):
+        """Told of every function that numba compiles."""
+
         def on_start(self, event: Any) -> None:
             """Before numba compiles."""
             function = event.data["dispatcher"].py_func
