@@ -11,6 +11,7 @@ from sonar_explore.envs.load import load_world, shipped_worlds
 from sonar_explore.envs.plan_picture import draw_plan
 from sonar_explore.envs.survey import DOOR_MAX_M, survey
 from sonar_explore.envs.world import World
+from sonar_explore.wording import counted
 
 DOCS = Path(__file__).parent
 GENERATED = (
@@ -57,11 +58,9 @@ def cell(world: World) -> str:
     found = survey(world)
     file = DOCS / "gallery" / (world.name.replace("/", "-").partition("?")[0] + f"{hardness(world)}.png")
     small_picture(world, file)
-    loops = f"{found.loops} loop{'' if found.loops == 1 else 's'}"
-    passages = f"{found.doors} narrow passage{'' if found.doors == 1 else 's'}"
     return (
         f"![{world.name}](gallery/{file.name})<br>`{world.name}`<br>{world.title}<br>"
-        f"{found.free_area_m2:.0f} m2, {passages}, {loops}"
+        f"{found.free_area_m2:.0f} m2, {counted(found.doors, 'narrow passage')}, {counted(found.loops, 'loop')}"
     )
 
 

@@ -16,6 +16,7 @@ from sonar_explore.envs.room import room_for
 from sonar_explore.envs.survey import DOOR_MAX_M, Survey
 from sonar_explore.envs.world import World
 from sonar_explore.errors import SonarExploreError
+from sonar_explore.wording import counted
 
 _WALL, _REACHED, _START, _NARROW = "#1a1a1a", "#cfe3f2", "#d55e00", "#b3367a"
 _PAPER = "#f3f3f1"
@@ -32,7 +33,7 @@ def save_picture(world: World, found: Survey, path: Path) -> None:
     draw_plan(axes, world)
     narrow = found.passages[found.passages[:, 2] <= DOOR_MAX_M][:60]
     if len(narrow):
-        label = f"{found.doors} narrow passage{'s'[: found.doors != 1]}"
+        label = counted(found.doors, "narrow passage")
         axes.plot(*narrow[:, :2].T, "D", color=_NARROW, markersize=3.5, label=label, zorder=4)
     axes.set_title(
         f"{world.name}: {found.free_area_m2:.1f} m², {100 * found.reached_share:.1f} % within reach",

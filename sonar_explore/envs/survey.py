@@ -19,6 +19,7 @@ from sonar_explore.envs.room import LEAST_BLOCK_M2, Mask, Room, loops, room_for
 from sonar_explore.envs.validation import nearest_free_place
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Array
+from sonar_explore.wording import counted
 
 DOOR_MAX_M = 1.10
 """A wider passage is no door, [m]."""
@@ -257,11 +258,10 @@ def as_json(world: World, found: Survey) -> dict[str, object]:
 def as_text(world: World, found: Survey) -> str:
     """What `sonar-explore world` prints: a line for each fact, warnings last."""
     narrowest = "none" if found.narrowest_m is None else f"{found.narrowest_m:.2f} m"
-    columns = "column" if found.columns == 1 else "columns"
     heading = float(np.degrees(world.start.heading))
     rows = [
         ("extent", f"{found.extent_m[0]:.1f} x {found.extent_m[1]:.1f} m"),
-        ("walls", f"{found.walls}, {found.wall_length_m:.0f} m together; {found.columns} {columns}"),
+        ("walls", f"{found.walls}, {found.wall_length_m:.0f} m together; {counted(found.columns, 'column')}"),
         ("start", f"({world.start.x:.2f}, {world.start.y:.2f}) m, {heading:.0f} deg"),
         ("free area", f"{found.free_area_m2:.1f} m2"),
         ("within reach", f"{found.reached_area_m2:.1f} m2, {100 * found.reached_share:.1f} %"),

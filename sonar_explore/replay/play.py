@@ -14,6 +14,7 @@ from sonar_explore.geometry import Array, Pose, wrap_angle
 from sonar_explore.replay.log import Log
 from sonar_explore.sensors import sensor_preset
 from sonar_explore.slam import FeatureKind, ScanUpdate, Slam, SlamConfig, make_slam
+from sonar_explore.wording import counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +68,11 @@ def replay(log: Log, slam: str = "chain", config: SlamConfig | None = None) -> R
 def headline(done: Replay) -> str:
     """What came of it, in a line."""
     kinds = [f.kind for update in done.updates for f in update.features]
-    n, walls = len(done.updates), kinds.count(FeatureKind.WALL)
+    walls = kinds.count(FeatureKind.WALL)
     parts = [
-        f"{done.log.about}: {n} scan{'s' if n > 1 else ''}, {walls} walls and {len(kinds) - walls} corners and edges",
-        f"{len(done.mind.chains.chains)} chains by {done.slam}",
+        f"{done.log.about}: {counted(len(done.updates), 'scan')}, {counted(walls, 'wall')} and "
+        f"{counted(len(kinds) - walls, 'point')} (corners and edges)",
+        f"{counted(len(done.mind.chains.chains), 'chain')} by {done.slam}",
     ]
     errors = summary_of(done)
     if errors is not None:

@@ -18,8 +18,8 @@ from sonar_explore.reports import scene
 from sonar_explore.reports.charts import episode_charts
 from sonar_explore.reports.frame import frame_of, scale_bar
 from sonar_explore.reports.page import templates, verbatim, write_page
-from sonar_explore.reports.progress import counted
 from sonar_explore.reports.words import glossary
+from sonar_explore.wording import counted
 
 
 def write_episode_report(record: EpisodeRecord, path: Path) -> None:

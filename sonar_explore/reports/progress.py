@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from sonar_explore.episodes.record import StepRecord, Summary
+from sonar_explore.wording import counted
 
 ENDS = {
     "explored": "explored: nothing is left that it believes worth a scan",
@@ -66,15 +67,6 @@ def summary_table(summary: Summary) -> Table:
     for label, value in rows:
         table.add_row(Text(label, style="dim"), Text(value))
     return table
-
-
-def counted(n: int, what: str) -> str:
-    """A number and what it counts.
-
-    >>> counted(1, "scan"), counted(0, "scan")
-    ('1 scan', '0 scans')
-    """
-    return f"{n} {what}" if n == 1 else f"{n} {what}s"
 
 
 def list_table(rows: list[dict[str, Any]]) -> Table:
