@@ -129,7 +129,7 @@ class AmigoBotEnv(gym.Env[Observation, Action]):
         """Hold the speeds for one control period."""
         if not hasattr(self, "_explored_m2"):
             raise ResetNeeded("Cannot call env.step() before calling env.reset()")
-        if not np.isfinite(action).all():
+        if np.shape(action) != (2,) or not np.isfinite(action).all():
             raise SonarExploreError(f"action {action} is no pair of speeds")
         speed, turn_rate = (np.clip(action, -1.0, 1.0) * self._speed_max).tolist()
         explored_m2, contacts = self._explored_m2, self.simulator.contacts
@@ -201,7 +201,9 @@ class AmigoBotEnv(gym.Env[Observation, Action]):
 
 
 def _simulator_config(config: SimulatorConfig | None, noise: str | None) -> SimulatorConfig:
-    config = config or SimulatorConfig()
+    config = SimulatorConfig() if config is None else config
+    if not isinstance(config, SimulatorConfig):
+        raise SonarExploreError(f"config is a {type(config).__name__}; give a SimulatorConfig")
     return config if noise is None else replace(config, noise=noise_preset(noise))
 
 

@@ -105,18 +105,12 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
         render_mode: str | None = None,
         max_scans: int | None = None,
     ) -> None:
-        config = config or ExplorationConfig()
+        config = ExplorationConfig() if config is None else config
+        _check(config, max_candidates, max_chains, map_shape)
         config = config if max_scans is None else replace(config, max_scans=max_scans)
-        self.config = config if noise is None else config.with_noise(noise)
-        if max_candidates < 1:
-            raise SonarExploreError(f"max_candidates is {max_candidates}; at least 1 is possible")
-        most = min(max_candidates, self.config.candidates.most)
-        self.config = replace(self.config, candidates=replace(self.config.candidates, most=most))
-        one_scan = 2 * round(self.config.mapping.free_range_m / self.config.mapping.resolution_m)
-        if min(map_shape) < one_scan:
-            raise SonarExploreError(
-                f"map_shape is {tuple(map_shape)}; at least {one_scan} x {one_scan} cells are possible: one scan clears as much"
-            )
+        config = config if noise is None else config.with_noise(noise)
+        most = min(max_candidates, config.candidates.most)
+        self.config = replace(config, candidates=replace(config.candidates, most=most))
         self._generator = str(world) if is_generator(world) else None
         self._map_shape = map_shape
         self.slam_name = slam
@@ -269,6 +263,22 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
                 "world": self.world.name,
             },
         }
+
+
+def _check(
+    config: ExplorationConfig, max_candidates: int, max_chains: int, map_shape: tuple[int, int]
+) -> None:
+    """Refuse in one line what an observation cannot be made with."""
+    if not isinstance(config, ExplorationConfig):
+        raise SonarExploreError(f"config is a {type(config).__name__}; give an ExplorationConfig")
+    for name, size in (("max_candidates", max_candidates), ("max_chains", max_chains)):
+        if size < 1:
+            raise SonarExploreError(f"{name} is {size}; at least 1 is possible")
+    least = 2 * round(config.mapping.free_range_m / config.mapping.resolution_m)
+    if np.shape(map_shape) != (2,) or min(map_shape) < least:
+        raise SonarExploreError(
+            f"map_shape is {map_shape}; give (rows, columns), at least {least} x {least} cells: one scan clears as much"
+        )
 
 
 # functions, not lambdas: an environment can be pickled and copied in the middle of an episode

@@ -85,11 +85,12 @@ def test_a_control_period_that_is_no_multiple_of_the_ping_interval_is_an_error(p
         AmigoBotEnv(control_period_s=period)
 
 
-def test_a_speed_that_is_no_number_is_an_error():
+@pytest.mark.parametrize("action", [[np.nan, 0.0], [1.0], 1.0, [1.0, 0.0, 0.0]])
+def test_an_action_that_is_no_pair_of_speeds_is_an_error(action):
     env = AmigoBotEnv()
     env.reset(seed=0)
-    with pytest.raises(SonarExploreError):
-        env.step(np.array([np.nan, 0.0]))
+    with pytest.raises(SonarExploreError, match="no pair of speeds"):
+        env.step(np.array(action))
 
 
 def test_what_the_robot_is_told_does_not_hold_the_truth():

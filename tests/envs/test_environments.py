@@ -149,7 +149,7 @@ def test_every_picture_has_the_same_size_so_that_films_can_be_made_of_them(name)
     assert all(step[0] in seen.observation_space for step in trajectory(seen, 3, 4))
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (480, 59), (0, 640)])
+@pytest.mark.parametrize("shape", [(1, 1), (480, 59), (0, 640), (640,), 640])
 def test_a_map_that_would_hold_less_than_one_scan_clears_is_refused(shape):
     with pytest.raises(SonarExploreError, match="at least 60 x 60 cells"):
         gym.make("sonar_explore/Exploration-v0", map_shape=shape)
@@ -181,6 +181,12 @@ def test_a_drawn_building_comes_back_by_its_name_and_is_scored_as_itself(name):
 @both
 def test_the_checker_finds_nothing_where_worlds_are_drawn(name):
     check_env(gym.make(f"sonar_explore:{name}", world="generated/hall?difficulty=0").unwrapped)
+
+
+@both
+def test_a_configuration_that_is_a_dict_is_refused(name):
+    with pytest.raises(SonarExploreError, match="config is a dict; give a"):
+        gym.make(name, config={})
 
 
 @both

@@ -81,8 +81,12 @@ def test_no_more_candidates_are_offered_than_there_are_actions():
         env.reset(seed=0)
     assert len(all_.situation.candidates) > 3
     assert few.situation.candidates == all_.situation.candidates[:3]
-    with pytest.raises(SonarExploreError, match="max_candidates is 0"):
-        ExplorationEnv(max_candidates=0)
+
+
+@pytest.mark.parametrize("size", ["max_candidates", "max_chains"])
+def test_an_observation_has_room_for_one_of_each_at_least(size):
+    with pytest.raises(SonarExploreError, match=f"{size} is 0; at least 1"):
+        ExplorationEnv(**{size: 0})
 
 
 def test_frontiers_of_a_situation_are_those_of_its_map_whenever_they_are_asked_for():
