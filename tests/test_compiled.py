@@ -1,4 +1,4 @@
-"""What a first run compiles: each kernel once, and on two cores."""
+"""What a first run compiles: each kernel once, and on two cores; and what runs where nothing is compiled."""
 
 import json
 import subprocess
@@ -48,6 +48,16 @@ _none_near(places, places, 1.0)
 print(sum(_apart.stats.cache_hits.values()), sum(_none_near.stats.cache_hits.values()))
 """
 
+FOUR_SCANS = """
+import hashlib, msgspec
+from sonar_explore.config import ExplorationConfig
+from sonar_explore.episodes.run import run_episode
+for slam in ("chain", "smoothed"):
+    record = run_episode("paper/corridor", slam=slam, seed=1, config=ExplorationConfig(max_scans=4))
+    summary = msgspec.structs.replace(record.summary, wall_time_s=0.0)
+    print(hashlib.sha256(msgspec.json.encode(msgspec.structs.replace(record, summary=summary))).hexdigest())
+"""
+
 
 def run_python(code: str, *arguments: str, **environment: str) -> str:
     import os
@@ -85,3 +95,7 @@ def test_what_the_second_process_compiles_is_found_by_the_first(tmp_path: Path):
     (tmp_path / "two.json").write_text(json.dumps(both))
     hits = run_python(TWO_KERNELS, str(tmp_path / "two.json"), NUMBA_CACHE_DIR=str(tmp_path / "cache"))
     assert hits.split() == ["0", "1"]
+
+
+def test_the_same_lines_interpreted_give_the_same_episodes():
+    assert run_python(FOUR_SCANS, NUMBA_DISABLE_JIT="1") == run_python(FOUR_SCANS)

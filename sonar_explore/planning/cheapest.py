@@ -160,9 +160,10 @@ def _spread(costs, columns, most, goal, farthest, state, buckets, entries, outs)
                 if k >= 4 and (costs[at + side] == np.inf or costs[at + across] == np.inf):
                     continue
                 outs[to] = total
-                if math.floor(total) == math.floor(before):  # waits in this bucket already
+                whole = int(total)
+                if before < whole + 1.0:  # waits in this bucket already
                     continue
-                bucket = int(total) & mask
+                bucket = whole & mask
                 entries[used, 0], entries[used, 1] = to, buckets[bucket]
                 buckets[bucket] = used
                 used += 1
