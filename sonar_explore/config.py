@@ -27,7 +27,7 @@ MAY_BE_ZERO = (
         "still_m",
         "far_still_m",
     ),
-    *("goes_on_m", "on_line_m"),
+    *("goes_on_m", "far_wall_m", "on_line_m"),
     *("point_weight", "core_weight", "fresh_scans", "fresh_weight", "body_weight"),
     *("margin_m", "comfort_weight", "blind_weight", "speck_m2", "unknown_credit_m", "escape_m"),
     *("least_room_m", "chain_grows_m", "least_area_m2", "area_per_m", "enough_m2", "apart_m"),

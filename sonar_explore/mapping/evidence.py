@@ -81,8 +81,8 @@ class Evidence:
         """`poses`, x y heading."""
         self.clear_m, self.core_m, self.reach_m = Rows(BINS), Rows(BINS), Rows(1)
         """As `Look` has them."""
-        self.walls, self.continuations, self.passed, self.points = Rows(4), Rows(4), Rows(4), Rows(2)
-        self._kinds = self.walls, self.continuations, self.passed, self.points
+        self.walls, self.continuations, self.bounds, self.points = Rows(4), Rows(4), Rows(4), Rows(2)
+        self._kinds = self.walls, self.continuations, self.bounds, self.points
 
     def place(self, poses: Sequence[Pose], looks: Sequence[Look], fresh_m: float = math.inf) -> None:
         """Place what scans say that are new or stand elsewhere now.

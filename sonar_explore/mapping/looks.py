@@ -40,6 +40,8 @@ class MappingConfig:
     """An edge or a corner this near to a wall feature's line ends its segment, [m]."""
     goes_on_m: float = 1.2
     """A wall goes on to the edge, the corner or the wall that ends it, if that is no farther than this, [m]."""
+    far_wall_m: float = 3.5
+    """Walls heard from farther off than is reliable, up to this, bound what scans clear, [m]."""
     on_line_m: float = 0.12
     """What lies no farther beside the line of a wall ends it, [m]."""
     sure_m: float = 0.10
@@ -77,8 +79,9 @@ class Look:
     """The same walls as taken to go on straight, shape (n, 4), [m]."""
     points: Array
     """Corners and edges x y, shape (k, 2), [m]."""
-    passed: Array = field(default_factory=lambda: np.zeros((0, 4)))
-    """Pieces of wall that the ring passed on the drive that followed, shape (m, 4), [m]."""
+    bounds: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    """Pieces of wall that are not drawn but bound what scans clear, shape (m, 4), [m]: heard from farther off than is
+    reliable, and those that the ring passed on the drive that followed."""
 
     @cached_property
     def reach_m(self) -> float:
@@ -87,12 +90,12 @@ class Look:
 
     @property
     def kinds(self) -> tuple[Array, Array, Array, Array]:
-        """Walls, continuations, pieces passed and points."""
-        return self.walls, self.continuations, self.passed, self.points
+        """Walls, continuations, bounds and points."""
+        return self.walls, self.continuations, self.bounds, self.points
 
     @cached_property
     def outline(self) -> Array:
-        """Ends of walls, continuations and pieces passed, and points, one after the other, shape (n, 2), [m]."""
+        """Ends of walls, continuations and bounds, and points, one after the other, shape (n, 2), [m]."""
         return np.concatenate([part.reshape(-1, 2) for part in self.kinds])
 
 

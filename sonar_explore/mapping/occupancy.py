@@ -113,8 +113,8 @@ class _Drawn:
     sectors: Sectors = field(default_factory=Sectors)
     at: Array = field(default_factory=lambda: np.zeros((0, 3)))
     """Where the scans are drawn, x y [m] heading [rad], shape (scans, 3)."""
-    passed: Array = field(default_factory=lambda: np.zeros((0, 4)))
-    """Pieces of wall that the ring passed, where they are not among the walls, shape (n, 4), [m]."""
+    bounds: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    """`Look.bounds` of all scans, where they are not among the walls, shape (n, 4), [m]."""
     walls: Marks = field(default_factory=Marks)
     fresh: Marks = field(default_factory=Marks)
     """Those of the last scans."""
@@ -186,7 +186,7 @@ class OccupancyMapper:
         frame = self._covering(seen.believed_at.all)
         stood = [seen.poses[i].transform(o.reshape(-1, 2)).reshape(-1, 4) for i, o in obstacles]
         found = self._walls(np.vstack([np.zeros((0, 4)), *stood]), doubtful)
-        barriers = np.vstack([found.walls, found.gaps, seen.passed.all])
+        barriers = np.vstack([found.walls, found.gaps, seen.bounds.all])
         drawn.sectors.resize(frame)
         last_trail = max(0, len(drawn.at) - 1)  # the one that may have grown since
         changed = self._mark(drawn, frame, found, doubtful)
@@ -238,12 +238,12 @@ class OccupancyMapper:
 
     def _mark(self, drawn: _Drawn, frame: GridFrame, found: _Walls, doubtful: bool) -> Array:
         """Mark what is believed; the barriers that came or went, shape (k, 4), [m]."""
-        spans, passed = drawn.sectors.changed, self._seen.passed.all
-        walls = np.concatenate([found.walls, passed]) if doubtful else found.walls
+        spans, bounds = drawn.sectors.changed, self._seen.bounds.all
+        walls = np.concatenate([found.walls, bounds]) if doubtful else found.walls
         changed = [drawn.walls.put(frame, walls, spans), drawn.gaps.put(frame, found.gaps, spans)]
         if not doubtful:
-            changed += differing_rows(drawn.passed, passed)
-            drawn.passed = passed.copy()
+            changed += differing_rows(drawn.bounds, bounds)
+            drawn.bounds = bounds.copy()
         drawn.fresh.put(frame, found.walls[found.fresh], spans)
         points = found.points[:0] if doubtful else found.points
         drawn.points.put(frame, np.hstack([points, points]), spans)

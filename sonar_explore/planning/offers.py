@@ -26,7 +26,7 @@ DOUBTS_AGAIN_AFTER_M2 = 4.0  # [m2] of free space found: as many again
 DOUBT_AREA_M2 = 0.5  # new area for which that is worth it,
 DOUBT_AREA_PER_M = 0.05  # [m2/m], and for each metre of the way; the share below bounds what it costs
 DOUBT_AREA_ENOUGH_M2 = 1.5  # more counts for nothing, outside is any amount: so none leads beyond 30 m
-BEHIND_M2 = 0.5  # [m2] free that only daring or doubt leads to make a place worth that,
+BEHIND_M2 = 0.25  # [m2] free that only daring or doubt leads to make a place worth that,
 BEHIND_M = 2.0  # [m], where they lie within so much of it: a room whose door looks shut was seen into
 DOOR_M2 = 0.9  # of a room so much is seen from before its door: worth any way where nothing else is left
 FEW_M = 30.0  # [m]: where no more was driven and nothing seems left, a door that looks shut is likelier than a hut
@@ -70,7 +70,8 @@ class Offers:
         self._config = config
         worth = config.candidates  # and what is, where nothing is left by that
         self._before_doors = replace(worth, enough_m2=min(DOOR_M2, worth.enough_m2))
-        self._in_doors = replace(worth, least_room_m=min(worth.least_room_narrow_m, worth.least_room_m))
+        least_room_m = min(worth.least_room_narrow_m, worth.least_room_m)
+        self._in_doors = replace(self._before_doors, least_room_m=least_room_m)
         self._blindly = replace(worth, enough_m2=min(DOUBT_AREA_M2, worth.enough_m2))
         self._found: dict[tuple[object, ...], tuple[Candidate, ...]] = {}
         self._shut: list[_Shut] = []
@@ -224,15 +225,16 @@ class Offers:
         return self._leading_on(pose, found) if NEAR_M < within_m < math.inf and not blindly else found
 
     def _before_the_end(self, pose: Pose) -> tuple[Candidate, ...]:
-        """Places that show as much as is seen of a room from before its door, and in doors too narrow for others; and,
-        where little was driven so far, whatever daring and doubt lead to."""
+        """Places that show as much as is seen of a room from before its door; then by daring ways, in doors too narrow
+        for others as well, where the robot has seen into what lies behind; and, where little was driven, whatever
+        daring and doubt lead to."""
         here, far_m = self._surroundings, max(NEAR_M, self._far_m)
         here.daring = False
         found = self._near(pose, math.inf, self._before_doors)
         if not found:
             here.daring = True
             least_m2 = self._in_doors.least_area_m2  # a chain to be met there is no reason
-            narrow = [c for c in self._near(pose, far_m, self._in_doors) if c.new_area_m2 >= least_m2]
+            narrow = [c for c in self._near(pose, math.inf, self._in_doors) if c.new_area_m2 >= least_m2]
             found = self._leading_on(pose, narrow)
         if self._driven_m < FEW_M:
             found = found or self._dared(pose, far_m, blindly=True)

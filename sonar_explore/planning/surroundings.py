@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.geometry import Array, Pose
+from sonar_explore.mapping.far_walls import far_walls
 from sonar_explore.mapping.looks import Look, look_of
 from sonar_explore.mapping.occupancy import OccupancyGrid, OccupancyMapper
 from sonar_explore.measurement import Scan
@@ -104,7 +105,9 @@ class Surroundings:
     def add_scan(self, scan: Scan, features: Sequence[Feature]) -> None:
         """The last scan that SLAM has taken; the map is believed again."""
         self._trails_so_far()
-        self._looks.append(look_of(scan, features, self._config.mapping))
+        look = look_of(scan, features, self._config.mapping)
+        far = far_walls(scan, self._config.slam, self._config.mapping.far_wall_m)
+        self._looks.append(replace(look, bounds=far))
         self._trails.append(np.zeros((1, 2)))
         self.doubtful = False
         self._changed()
@@ -119,7 +122,8 @@ class Surroundings:
         the next change on."""
         if len(walls):
             in_scan = self._slam.scans[-1].pose.inverse().transform(walls.reshape(-1, 2)).reshape(-1, 4)
-            self._looks[-1] = replace(self._looks[-1], passed=in_scan)
+            look = self._looks[-1]
+            self._looks[-1] = replace(look, bounds=np.vstack([look.bounds, in_scan]))
 
     def add_obstacle(self, here: Pose, obstacle: Array) -> None:
         """A piece of wall shut the way; shape (n, 2), in the frame of the robot, which is here, [m]."""

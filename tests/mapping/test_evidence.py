@@ -62,7 +62,7 @@ def test_evidence_is_placed_where_its_scans_are_believed_to_stand(seed):
         for rows, own in (
             (evidence.walls, "walls"),
             (evidence.continuations, "continuations"),
-            (evidence.passed, "passed"),
+            (evidence.bounds, "bounds"),
         ):
             parts = [p.transform(getattr(look, own).reshape(-1, 2)).reshape(-1, 4) for p, look in placed]
             assert rows.all == pytest.approx(np.concatenate(parts), abs=1e-12)

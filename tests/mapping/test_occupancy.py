@@ -268,9 +268,9 @@ def test_a_door_under_a_wall_drawn_too_long_is_shut_until_the_map_is_doubted():
     np.testing.assert_array_equal(again.states, believed.states)
 
 
-def test_a_wall_that_was_passed_lets_no_scan_clear_what_is_behind_and_stands_where_the_map_is_doubted():
+def test_a_bound_lets_no_scan_clear_what_is_behind_and_stands_where_the_map_is_doubted():
     maps, poses = mapper(), [Pose(0.0, 0.0, 0.0)]
-    passed = replace(nothing_seen(1.5), passed=np.array([[1.0, -0.3, 1.0, 0.3]]))
+    passed = replace(nothing_seen(1.5), bounds=np.array([[1.0, -0.3, 1.0, 0.3]]))
     believed = maps.draw(poses, [nothing_seen(1.5)], nowhere(1), [])
     assert state(believed, 1.3, 0.0) == FREE
     believed = maps.draw(poses, [passed], nowhere(1), [])

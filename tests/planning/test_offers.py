@@ -184,14 +184,17 @@ def test_before_the_end_a_door_is_looked_into_that_shows_too_little_of_its_room_
     assert offers_in(land).now(HERE) == land.places and not land.daring
 
 
+@pytest.mark.parametrize("way_m", [2.0 * NEAR_M, 5.0 * FAR_LEAST_M])
 @pytest.mark.parametrize("behind_m2", [0.5 * BEHIND_M2, 2.0 * BEHIND_M2])
-def test_before_the_end_a_narrow_door_is_entered_where_the_robot_has_seen_what_is_behind_it(behind_m2):
+def test_before_the_end_a_narrow_door_is_entered_however_far_off_where_the_robot_has_seen_what_is_behind_it(
+    behind_m2, way_m
+):
     class Narrow(Land):
         def find(self, grid, paths, chains, scanned, put_aside, tried, worth=None):
             roomless = worth is not None and worth.least_room_m <= worth.least_room_narrow_m
             return self.places if roomless and self.daring and not self.doubtful else ()
 
-    land = Narrow(place(9.0, 0.0, 2.0 * NEAR_M))
+    land = Narrow(place(9.0, 0.0, way_m))
     land.behind_m2 = behind_m2
     assert bool(offers_in(land).now(HERE)) == (behind_m2 > BEHIND_M2)
 
@@ -201,7 +204,14 @@ FAR_M = NEAR_M + 5.0
 
 @pytest.mark.parametrize("dared", [False, True])
 def test_what_is_far_and_doubtful_is_tried_again_once_that_is_a_small_share_of_the_way_driven(dared):
-    land = Land(place(9.0, 0.0, FAR_M), place(20.0, 0.0, FAR_M))
+    class Crumbs(Land):
+        """What shows less than a room does from before its door."""
+
+        def find(self, grid, paths, chains, scanned, put_aside, tried, worth=None):
+            lenient = worth is not None and worth.enough_m2 <= DOOR_M2
+            return () if lenient else super().find(grid, paths, chains, scanned, put_aside, tried, worth)
+
+    land = Crumbs(place(9.0, 0.0, FAR_M), place(20.0, 0.0, FAR_M))
     land.dared = dared
     offers = offers_in(land)
     assert try_one(offers, land, DriveEnd.ARRIVED, Pose(9.0, 0.0, 0.0), driven_m=FAR_LEAST_M)

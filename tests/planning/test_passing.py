@@ -16,6 +16,7 @@ from sonar_explore.geometry import Pose, wrap_angle
 from sonar_explore.planning.driving import Driver, DrivingConfig
 from sonar_explore.planning.passing import (
     BESIDE_M,
+    FARTHEST_M,
     HALF_LENGTH_M,
     JOINED_M,
     LINE_M,
@@ -45,7 +46,7 @@ def driven_along(walls, way):
     return driver
 
 
-@pytest.mark.parametrize("beside_m", [0.4, 0.7, 1.0])
+@pytest.mark.parametrize("beside_m", [0.4, 0.7, 1.0, 1.7, 2.3])
 def test_most_of_a_wall_is_sure_once_the_robot_has_driven_along_it(beside_m):
     driver = driven_along([[-1, beside_m, 4, beside_m]], [(0.0, 0.0), (3.0, 0.0)])
     pieces = driver.walls_passed()
@@ -56,7 +57,7 @@ def test_most_of_a_wall_is_sure_once_the_robot_has_driven_along_it(beside_m):
     assert covered.mean() > 0.9
 
 
-@pytest.mark.parametrize("beside_m", [0.6, 0.8, 1.0])
+@pytest.mark.parametrize("beside_m", [0.6, 0.8, 1.0, 1.4, 1.7, 2.3])
 def test_a_door_that_the_robot_drives_past_stays_wide_enough_for_it(beside_m):
     wall, door = 0.1, (1.1, 1.9)
     walls = [
@@ -73,11 +74,23 @@ def test_a_door_that_the_robot_drives_past_stays_wide_enough_for_it(beside_m):
     assert right[:, 0].min() >= 1.5 + CONFIG.robot.radius_m
 
 
+@pytest.mark.parametrize("beside_m", [0.4, 0.8, 1.2, 1.5, 1.8, 2.2])
+def test_the_end_of_a_wall_that_points_at_the_way_is_no_wall_beside_it(beside_m):
+    driver = driven_along([[1.5, beside_m, 1.5, beside_m + 3.0]], [(0.0, 0.0), (3.0, 0.0)])
+    assert driver.walls_passed().shape == (0, 4)
+
+
+def edge_heard_within(range_m):
+    """Half-angle at which the pattern lets an edge be heard (READING section 2), [rad]."""
+    plane_at_1_m = (12.5 / 6.4) ** 2
+    return math.radians(6.4) * math.sqrt(max(0.0, plane_at_1_m + math.log(0.1 * range_m**-1.5)))
+
+
 @settings(max_examples=60)
-@given(st.floats(-math.pi, math.pi), st.floats(0.2, 1.2), st.floats(0.0, 0.02))
+@given(st.floats(-math.pi, math.pi), st.floats(0.2, FARTHEST_M), st.floats(0.0, 0.02))
 def test_an_edge_is_no_wall_however_often_it_answers(axis, range_m, noise_m):
-    rng = np.random.default_rng(0)
-    seen_under = axis + np.radians(np.linspace(-7.0, 7.0, 8))  # the robot passes, the disc looks the same way
+    rng, spread = np.random.default_rng(0), edge_heard_within(range_m)
+    seen_under = axis + np.linspace(-spread, spread, 8)  # the robot passes, the disc looks the same way
     discs = -range_m * np.column_stack([np.cos(seen_under), np.sin(seen_under)])
     heard = range_m + rng.uniform(-noise_m, noise_m, 8)
     feet = discs + heard[:, None] * [math.cos(axis), math.sin(axis)]
