@@ -82,6 +82,8 @@ def load_world(
         raise SonarExploreError(
             f"{path.name}: no reader for files that end in {path.suffix!r}; known: {', '.join(_READERS)}"
         )
+    if path.is_dir():
+        raise SonarExploreError(f"{name!r} is a folder; give a file in it that ends in {', '.join(_READERS)}")
     from sonar_explore.envs.generator import generator_names
 
     known = unknown_name("world", name, shipped_worlds(), hidden=generator_names())

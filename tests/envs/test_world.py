@@ -201,11 +201,11 @@ def test_files_that_are_missing_empty_foreign_or_no_text_are_refused(tmp_path: P
     assert "the world file is empty" in error_of(written(tmp_path, "\n"))
     (tmp_path / "plan.dwg").write_bytes(b"AC1015")
     assert "no reader for files that end in '.dwg'" in error_of(tmp_path / "plan.dwg")
+    assert "is a folder; give a file in it" in error_of(tmp_path)
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00\x01")
     assert "binary.toml: no TOML, for it is no text in UTF-8" in error_of(tmp_path / "binary.toml")
     (tmp_path / "folder.toml").mkdir()
     assert "cannot read" in error_of(tmp_path / "folder.toml")
-    assert "unknown world" in error_of(tmp_path)
 
 
 def test_too_many_walls_are_refused() -> None:
