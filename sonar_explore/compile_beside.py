@@ -1,12 +1,12 @@
-"""Compile kernels in a second process while a first run compiles those that it needs next.
+"""Compile kernels in other processes while a first run compiles those that it needs next.
 
 With an empty cache most of a run is compilation, which numba does on one core. `kernels.json` names the kernels of
 SLAM, mapping, planning and driving with the types of their arguments, in the order in which a run comes to need them,
-but for a few long ones at its end. The second process begins at the end and leaves what it makes in numba's cache,
-where the run finds it: the two meet somewhere in the middle. What hears is left to the run, which begins with it.
-Nothing depends on the second process: a kernel that it does not know, or knows with other types, is compiled when it
-is called, as it would be without. It is a fork of the run, so that it need not import everything again, and there is
-none where forks are not at home.
+but for a few long ones at its end. The other processes, one for each core that is left but no more than three, begin
+at the end and leave what they make in numba's cache, where the run finds it: they meet somewhere in the middle. What
+hears is left to the run, which begins with it. Nothing depends on the others: a kernel that they do not know, or know
+with other types, is compiled when it is called, as it would be without. They are forks of the run, so that they need
+not import everything again, and there are none where forks are not at home.
 """
 
 from __future__ import annotations
@@ -27,13 +27,18 @@ from typing import Any
 from sonar_explore.cores import usable_cores
 
 KERNELS = Path(__file__).with_name("kernels.json")
+MOST = 3
+"""Other processes: with them the run is soon left with what it does itself, and each holds some 300 MB."""
+HEARS = "sonar_explore.envs.pings.fire:fire_all"
+HAS_IT_WITHIN = "sonar_explore.envs.leg:drive"
+"""Would have to compile what hears once more while the run is at it: it waits."""
 
 
 @contextlib.contextmanager
 def compiling_beside() -> Iterator[Beside]:
-    """The first kernel that is compiled meanwhile starts the second process, where there is a core for it."""
-    beside = Beside()
-    if sys.platform != "linux" or usable_cores() < 2:
+    """The first kernel that is compiled meanwhile starts the other processes, where there are cores for them."""
+    beside = Beside(min(usable_cores() - 1, MOST))
+    if sys.platform != "linux" or beside.most < 1:
         yield beside
         return
     try:
@@ -47,11 +52,11 @@ def compiling_beside() -> Iterator[Beside]:
 
         def on_start(self, event: Any) -> None:
             """Before numba compiles."""
-            function = event.data["dispatcher"].py_func
-            beside.compiling(f"{function.__module__}:{function.__name__}")
+            beside.compiling(_name(event))
 
         def on_end(self, event: Any) -> None:
-            """numba asks for one."""
+            """When it has compiled."""
+            beside.compiled(_name(event))
 
     with event.install_listener("numba:compile", Listener()):
         try:
@@ -60,35 +65,49 @@ def compiling_beside() -> Iterator[Beside]:
             beside.stop()
 
 
-class Beside:
-    """The second process, and what it leaves to the first."""
+def _name(event: Any) -> str:
+    function = event.data["dispatcher"].py_func
+    return f"{function.__module__}:{function.__name__}"
 
-    def __init__(self) -> None:
+
+class Beside:
+    """The other processes, and what they leave to the first."""
+
+    def __init__(self, most: int) -> None:
         self.kernels: dict[str, str] = json.loads(KERNELS.read_text())
-        self.begun = mmap(-1, len(self.kernels))  # a byte for each kernel, seen by both processes
+        self.most = most
+        # a byte for each kernel, and one for `HEARS`, seen by all processes
+        self.begun = mmap(-1, len(self.kernels) + 1)
         self.place = {name: n for n, name in enumerate(self.kernels)}
-        self.process: BaseProcess | None = None
+        self.processes: list[BaseProcess] = []
         self.owner = os.getpid()
 
     def compiling(self, name: str) -> None:
-        """The run compiles this now: the second process need not."""
+        """The run compiles this now: the others need not."""
         if os.getpid() != self.owner or not name.startswith("sonar_explore."):
             return
         if name in self.place:
             self.begun[self.place[name]] = 1
-        if self.process is None:
-            run = (self.kernels, self.begun, self.owner)
+        run = (self.kernels, self.begun, self.owner)
+        for _ in range(self.most - len(self.processes)):
             process = get_context("fork").Process(target=_compile, args=run, daemon=True)
-            # no more processes, no more memory: the run is slower, that is all
-            with contextlib.suppress(OSError):
+            try:
                 process.start()
-                self.process = process
+            except OSError:  # no more processes, no more memory: the run is slower, that is all
+                return
+            self.processes.append(process)
+
+    def compiled(self, name: str) -> None:
+        """The run has compiled this: what contains it may be begun."""
+        if os.getpid() == self.owner and name == HEARS:
+            self.begun[len(self.kernels)] = 1
 
     def stop(self) -> None:
         """What is not done is not needed any more."""
-        if self.process is not None:
-            self.process.terminate()
-            self.process.join()
+        for process in self.processes:
+            process.terminate()
+        for process in self.processes:
+            process.join()
 
 
 def _compile(kernels: dict[str, str], begun: mmap, parent: int) -> None:
@@ -99,13 +118,22 @@ def _compile(kernels: dict[str, str], begun: mmap, parent: int) -> None:
     nowhere = os.open(os.devnull, os.O_RDWR)
     for stream in (1, 2):
         os.dup2(nowhere, stream)
-    for n, (name, types) in reversed(list(enumerate(kernels.items()))):
-        if os.getppid() != parent:
-            return
+    while (name := _next(list(kernels), begun)) and os.getppid() == parent:
         module, kernel = name.split(":")
-        if not begun[n]:
-            with contextlib.suppress(Exception):
-                getattr(import_module(module), kernel).compile(normalize_signature(types)[0])
+        with contextlib.suppress(Exception):
+            getattr(import_module(module), kernel).compile(normalize_signature(kernels[name])[0])
+
+
+def _next(kernels: list[str], begun: mmap) -> str | None:
+    """The last that nobody has begun, begun from now on; what must wait comes after all others."""
+    left = [n for n in range(len(kernels)) if not begun[n]]
+    if not left:
+        return None
+    n = left[-1]
+    if kernels[n] == HAS_IT_WITHIN and not begun[len(kernels)] and len(left) > 1:
+        n = left[-2]
+    begun[n] = 1
+    return kernels[n]
 
 
 def spelled(types: tuple[Any, ...]) -> str:

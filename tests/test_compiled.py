@@ -42,8 +42,9 @@ compile_beside.KERNELS, compile_beside.usable_cores = Path(sys.argv[1]), lambda:
 places = np.zeros((2, 2))
 with compile_beside.compiling_beside() as beside:
     _apart(places, 1.0, np.zeros(1, dtype=np.int64))
-    beside.process.join(60)
-    assert not beside.process.is_alive()
+    (process,) = beside.processes
+    process.join(60)
+    assert not process.is_alive()
 _none_near(places, places, 1.0)
 print(sum(_apart.stats.cache_hits.values()), sum(_none_near.stats.cache_hits.values()))
 """
