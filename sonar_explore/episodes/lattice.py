@@ -8,7 +8,6 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
-from scipy.spatial import cKDTree
 
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.envs.world import World, distances_to_walls
@@ -163,6 +162,8 @@ def _touches(world: World, lattice: Lattice, free: Mask, row: int, col: int) -> 
 
 def reachable_wall(world: World, lattice: Lattice, reachable: Mask) -> tuple[Array, Array]:
     """Middles (n, 2) and lengths (n,) of the pieces of wall that the robot can come close to, [m]."""
+    from scipy.spatial import cKDTree  # here: 6 MB that an environment does not need
+
     points, normals, lengths = _wall_pieces(world, lattice.resolution_m / 2)
     cells = lattice.middles(reachable)
     # The disc stays this far from the last piece in a right-angled corner; the rest is for the lattice.

@@ -12,7 +12,6 @@ from functools import cache, cached_property
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.compiled import kernel
@@ -103,6 +102,8 @@ class Scorer:
 
     def wall_recall(self, states: States, origin: tuple[float, float], resolution_m: float) -> float:
         """Share of the reachable wall length with an occupied cell within 10 cm."""
+        from scipy.spatial import cKDTree  # here: 6 MB that an environment does not need
+
         grid = _grid(states, origin, resolution_m)
         points, lengths = self._reachable_wall
         occupied = grid.middles(states == OCCUPIED)

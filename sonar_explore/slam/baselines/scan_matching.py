@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from sonar_explore.geometry import Array, Pose, wrap_undirected
 from sonar_explore.slam.baselines.end_points import EndPoints, placed
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,8 @@ class PastScans:
         """
         if not len(self._xy) or not len(points.range_m):
             return predicted
+        from scipy.spatial import cKDTree  # here: 6 MB that no other SLAM needs
+
         tree, prior = cKDTree(self._xy), np.linalg.inv(spread + np.diag([1e-6, 1e-6, 1e-8]))
         start = np.array([predicted.x, predicted.y, predicted.heading])
         pose = start.copy()
