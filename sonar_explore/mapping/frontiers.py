@@ -90,12 +90,13 @@ class _Edge:
 def _mark_edge(states, to_walls, body, spans, edge):  # type: ignore[no-untyped-def]
     """Which cells of the spans are free, passable and touch a passable unknown one."""
     for row in range(len(spans)):
-        for column in range(spans[row, 0], spans[row, 1] + 1):
-            edge[row, column] = (
-                states[row, column] == FREE
-                and to_walls[row, column] > body
-                and _touches(states, to_walls, body, row, column)
-            )
+        for stripe in range(spans.shape[1]):
+            for column in range(spans[row, stripe, 0], spans[row, stripe, 1] + 1):
+                edge[row, column] = (
+                    states[row, column] == FREE
+                    and to_walls[row, column] > body
+                    and _touches(states, to_walls, body, row, column)
+                )
 
 
 @inner_kernel

@@ -35,6 +35,7 @@ from sonar_explore.mapping.walls import bridges, pivot_points, shortened, trimme
 
 MARGIN_M = 0.25  # of the grid beyond what a scan can reach
 RECENT_SCANS = 6
+FELT_M = 2.0  # walls farther off are far, however far: most lie so about what nobody has seen outside of the building
 LATE_M = 0.2  # so far off may be drawn what scans far away clear, where the map is doubted
 Keeper = TypeVar("Keeper")
 
@@ -59,13 +60,15 @@ class OccupancyGrid:
 
     @property
     def to_walls_m(self) -> Array:
-        """Distance of each cell to the nearest occupied one, shape (rows, columns), [m]; see `kept`."""
+        """Distance of each cell to the nearest occupied one, inf where that is farther than `FELT_M`, shape (rows,
+        columns), [m]; see `kept`."""
         return self.to_walls.of(self)
 
     @property
     def to_walls(self) -> ToWalls:
         """What keeps `to_walls_m`."""
-        return self.keeper("to walls", lambda: ToWalls(Distances(cell_m=self.frame.resolution_m)))
+        cell_m, most = self.frame.resolution_m, round(FELT_M / self.frame.resolution_m)
+        return self.keeper("to walls", lambda: ToWalls(Distances(cell_m=cell_m, most=most)))
 
     @property
     def free(self) -> Mask:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from sonar_explore.compiled import kernel
-from sonar_explore.mapping.changes import box_of, changed_spans
+from sonar_explore.mapping.changes import boxes_of, changed_spans
 from sonar_explore.mapping.grid import Cells, Mask
 
 
@@ -30,12 +30,15 @@ class WithoutHoles:
         """Shape (rows, columns); the array is written to at the next call."""
         if mask.shape != self._mask.shape:
             self._filled = without_holes(mask, self._most)
-        elif (box := box_of(changed_spans(self._mask, mask, self._most + 1))) is not None:
-            first = tuple(max(0, part.start - self._most - 1) for part in box)
-            # a window wide enough to hold every small hole of the box, and enough of every large one to tell it
-            about = tuple(slice(at, part.stop + self._most + 1) for at, part in zip(first, box, strict=True))
-            within = tuple(slice(p.start - at, p.stop - at) for at, p in zip(first, box, strict=True))
-            self._filled[box] = without_holes(mask[about], self._most)[within]
+        else:
+            for box in boxes_of(changed_spans(self._mask, mask, self._most + 1)):
+                first = tuple(max(0, part.start - self._most - 1) for part in box)
+                # a window wide enough to hold every small hole of the box, and enough of every large one to tell it
+                about = tuple(
+                    slice(at, part.stop + self._most + 1) for at, part in zip(first, box, strict=True)
+                )
+                within = tuple(slice(p.start - at, p.stop - at) for at, p in zip(first, box, strict=True))
+                self._filled[box] = without_holes(mask[about], self._most)[within]
         self._mask = mask
         return self._filled
 

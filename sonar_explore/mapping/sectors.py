@@ -47,7 +47,7 @@ class Sectors:
         self._sectors: NDArray[np.uint16] = np.zeros((0, 0, 0), dtype=np.uint16)
         """The sector of each cell of its window, n beyond its reach, and whether it is cleared by the scan, by any
         reading and for certain, shape (scans, rows, columns)."""
-        self.changed: Spans = np.zeros((0, 2), dtype=np.int64)
+        self.changed: Spans = no_spans((0, 0))
         """Where something may have changed since the states of cells were asked for."""
         self._states: States = np.zeros((0, 0), dtype=np.uint8)
 
@@ -157,17 +157,18 @@ def _decide(spans, walls, fresh, points, gaps, weights, cleared, core, body, sta
     """No branches: several cells at a time. `weights`: of a wall, fresh or not, a point, a core and the body."""
     wall_weight, fresh_weight, point_weight, core_weight, body_weight = weights
     for row in range(len(spans)):
-        for column in range(spans[row, 0], spans[row, 1] + 1):
-            been = body[row, column] > 0
-            sure = core[row, column]
-            wall = wall_weight * walls[row, column] + fresh_weight * fresh[row, column]
-            wall += point_weight if points[row, column] > 0 else 0.0
-            gap = wall_weight * gaps[row, column]
-            against = core_weight * sure + (body_weight if been else 0.0)
-            against = against if against > 0.0 else 0.0
-            known = been | (cleared[row, column] > 0) | (sure > 0)
-            shut = (wall if wall > gap else gap) > against
-            states[row, column] = OCCUPIED if shut else (FREE if known else UNKNOWN)
+        for stripe in range(spans.shape[1]):
+            for column in range(spans[row, stripe, 0], spans[row, stripe, 1] + 1):
+                been = body[row, column] > 0
+                sure = core[row, column]
+                wall = wall_weight * walls[row, column] + fresh_weight * fresh[row, column]
+                wall += point_weight if points[row, column] > 0 else 0.0
+                gap = wall_weight * gaps[row, column]
+                against = core_weight * sure + (body_weight if been else 0.0)
+                against = against if against > 0.0 else 0.0
+                known = been | (cleared[row, column] > 0) | (sure > 0)
+                shut = (wall if wall > gap else gap) > against
+                states[row, column] = OCCUPIED if shut else (FREE if known else UNKNOWN)
 
 
 @kernel

@@ -313,16 +313,17 @@ def _fill_costs(  # type: ignore[no-untyped-def]
     """Of the cells of the spans, 1 in the open, the more the less room, and where walls are far; inf where there is too
     little room."""
     for row in range(len(spans)):
-        for column in range(spans[row, 0], spans[row, 1] + 1):
-            if daring:
-                room[row, column] = min(careful[row, column] + credit, to_walls[row, column] - half_cell)
-            here, cost = room[row, column], np.inf
-            if here >= least:
-                lack = min(1.0, max(0.0, (comfort - here) / (comfort - least)))
-                cost = 1.0 + weight * (lack * lack)
-                if careful[row, column] > blind:
-                    cost += blind_weight
-            costs[row + 1, column + 1] = cost
+        for stripe in range(spans.shape[1]):
+            for column in range(spans[row, stripe, 0], spans[row, stripe, 1] + 1):
+                if daring:
+                    room[row, column] = min(careful[row, column] + credit, to_walls[row, column] - half_cell)
+                here, cost = room[row, column], np.inf
+                if here >= least:
+                    lack = min(1.0, max(0.0, (comfort - here) / (comfort - least)))
+                    cost = 1.0 + weight * (lack * lack)
+                    if careful[row, column] > blind:
+                        cost += blind_weight
+                costs[row + 1, column + 1] = cost
 
 
 @kernel

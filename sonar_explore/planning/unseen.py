@@ -80,18 +80,20 @@ class _Seen:
 @kernel
 def _forget(spans, seen):  # type: ignore[no-untyped-def]
     for row in range(len(spans)):
-        for column in range(spans[row, 0], spans[row, 1] + 1):
-            seen[row, column] = -1
+        for stripe in range(spans.shape[1]):
+            for column in range(spans[row, stripe, 0], spans[row, stripe, 1] + 1):
+                seen[row, column] = -1
 
 
 @kernel
 def _tell_ways(spans, states, to_walls, body, rim, ways):  # type: ignore[no-untyped-def]
     for row in range(len(spans)):
-        for column in range(spans[row, 0], spans[row, 1] + 1):
-            way = _SHUT
-            if to_walls[row, column] > body:
-                way = _UNSEEN if states[row, column] == UNKNOWN else _OPEN
-            ways[row + rim, column + rim] = way
+        for stripe in range(spans.shape[1]):
+            for column in range(spans[row, stripe, 0], spans[row, stripe, 1] + 1):
+                way = _SHUT
+                if to_walls[row, column] > body:
+                    way = _UNSEEN if states[row, column] == UNKNOWN else _OPEN
+                ways[row + rim, column + rim] = way
 
 
 @kernel

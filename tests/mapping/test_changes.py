@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from sonar_explore.mapping.changes import box_of, changed_spans
+from sonar_explore.mapping.changes import STRIPE, boxes_of, changed_spans, moved_spans
 from sonar_explore.mapping.distance import Distances, distances
 from sonar_explore.mapping.regions import WithoutHoles, without_holes
 
@@ -17,7 +17,11 @@ seeds = st.integers(0, 10_000)
 def masks(rng, count=6):
     """A mask, and others that differ in a few blocks each; now and then the grid grows. And where the first cell of the
     one before is."""
-    mask, at = rng.random(rng.integers(1, 45, 2)) < rng.choice([0.0, 0.02, 0.1, 0.5, 0.95]), (0, 0)
+    mask, at = (
+        rng.random((rng.integers(1, 45), rng.integers(1, rng.choice([45, 300]))))
+        < rng.choice([0.0, 0.02, 0.1, 0.5, 0.95]),
+        (0, 0),
+    )
     for _ in range(count):
         yield mask, at
         more = rng.integers(0, 7, (2, 2)) * rng.integers(0, 2, (2, 2)) * (rng.random() < 0.3)
@@ -33,16 +37,18 @@ def masks(rng, count=6):
 def test_distances_that_are_carried_on_are_those_from_nothing(seed):
     rng = np.random.default_rng(seed)
     less, cell_m = rng.choice([0.0, 0.5]), rng.choice([1.0, 0.05])
-    kept = Distances(less, cell_m)
+    most = int(rng.choice([0, 1, 3, 10, 1000]))
+    kept = Distances(less, cell_m, most)
     watch, told = kept.watch(), np.zeros((0, 0))
     for mask, at in masks(rng):
         before, found = told, kept.of(mask, at)
-        assert (found == (distances(mask) - less) * cell_m).all()
-        columns = np.arange(mask.shape[1])
-        inside = [(first <= columns) & (columns <= last) for first, last in watch.take()]
+        expected = distances(mask)
+        expected[expected >= most + 1.0] = np.inf
+        assert (found == (expected - less) * cell_m).all()
+        inside = within(watch.take(), mask.shape)
         told = np.full(mask.shape, np.nan)
         told[at[0] : at[0] + before.shape[0], at[1] : at[1] + before.shape[1]] = before
-        told[np.array(inside)] = found[np.array(inside)]
+        told[inside] = found[inside]
         assert (told == found).all()  # whatever changed, or is new, was told of
 
 
@@ -55,25 +61,53 @@ def test_holes_that_are_carried_on_are_those_from_nothing(seed):
         assert (kept.of(mask) == without_holes(mask, most)).all()
 
 
+def within(spans, shape):
+    """The cells of spans as a mask."""
+    columns = np.arange(shape[1])
+    inside = (spans[..., :1] <= columns) & (columns <= spans[..., 1:])
+    return inside.any(axis=1)
+
+
 @settings(max_examples=60, deadline=None)
 @given(seeds)
-def test_spans_hold_what_lies_near_a_change_and_end_at_it(seed):
+def test_spans_hold_what_lies_near_a_change_and_end_at_it_in_each_stripe(seed):
     rng = np.random.default_rng(seed)
-    within = int(rng.integers(0, 6))
-    shape = tuple(rng.integers(1, 30, 2))
-    before, after = (rng.random((2, *shape)) < rng.choice([0.01, 0.1])).astype(np.uint8)
-    spans = changed_spans(before, after, within)
-    near = ndimage.maximum_filter(before != after, 2 * within + 1, mode="constant")
-    for row, (first, last) in zip(near, spans.tolist(), strict=True):
-        assert (np.flatnonzero(row)[[0, -1]].tolist() if row.any() else [shape[1], -1]) == [first, last]
+    reach = int(rng.integers(0, 6))
+    shape = rng.integers(1, 30), rng.integers(1, 200)
+    before, after = (rng.random((2, *shape)) < rng.choice([0.001, 0.01, 0.1])).astype(np.uint8)
+    spans = changed_spans(before, after, reach)
+    near = ndimage.maximum_filter(before != after, 2 * reach + 1, mode="constant")
+    for row, of_row in zip(near, spans.tolist(), strict=True):
+        for stripe, (first, last) in enumerate(of_row):
+            part = STRIPE * stripe + np.flatnonzero(row[STRIPE * stripe : STRIPE * (stripe + 1)])
+            assert part[[0, -1]].tolist() == [first, last] if len(part) else last < first
 
 
-def test_the_box_of_spans_is_the_least_that_holds_them():
-    before = np.zeros((9, 12), dtype=np.uint8)
+@settings(max_examples=60, deadline=None)
+@given(seeds)
+def test_spans_move_with_the_grid(seed):
+    rng = np.random.default_rng(seed)
+    shape, at = (5, int(rng.integers(1, 200))), (2, int(rng.integers(0, 100)))
+    before, after = (rng.random((2, *shape)) < 0.01).astype(np.uint8)
+    spans = changed_spans(before, after, 2)
+    larger = (10, shape[1] + 150)
+    moved = within(moved_spans(spans, at, larger), larger)
+    there = within(spans, shape)
+    assert (moved[2:7, at[1] : at[1] + shape[1]] >= there).all()
+    assert moved.sum(axis=1).tolist()[:2] == [0, 0]
+    assert (moved.any(axis=1)[2:7] == there.any(axis=1)).all()
+
+
+def test_the_boxes_of_spans_hold_them_and_what_is_far_off_has_its_own():
+    before = np.zeros((9, 8 * STRIPE), dtype=np.uint8)
     after = before.copy()
-    assert box_of(changed_spans(before, after, 2)) is None
+    assert boxes_of(changed_spans(before, after, 2)) == []
     after[3, 5] = after[6, 8] = 1
-    assert box_of(changed_spans(before, after, 1)) == (slice(2, 8), slice(4, 10))
+    near = slice(2, 8), slice(4, 10)
+    assert boxes_of(changed_spans(before, after, 1)) == [near]
+    after[5, 6 * STRIPE] = 1
+    far = slice(4, 7), slice(6 * STRIPE - 1, 6 * STRIPE + 2)
+    assert boxes_of(changed_spans(before, after, 1)) == [near, far]
 
 
 @pytest.mark.parametrize("filled", [True, False])

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sonar_explore.geometry import Pose
-from sonar_explore.mapping.changes import no_spans
+from sonar_explore.mapping.changes import STRIPE, no_spans
 from sonar_explore.mapping.cuts import cut_all_at_walls
 from sonar_explore.mapping.grid import GridFrame
 from sonar_explore.mapping.looks import MappingConfig
@@ -183,7 +183,8 @@ def test_marks_of_segments_that_come_and_go_are_those_of_the_last_ones_and_tell_
         ) + sum((Counter(map(tuple, segments)) - Counter(map(tuple, before))).values())
         if counts.shape == marks.counts.shape:
             rows, columns = np.nonzero(counts != marks.counts)
-            assert ((spans[rows, 0] <= columns) & (columns <= spans[rows, 1])).all()
+            first, last = spans[rows, columns // STRIPE].T
+            assert ((first <= columns) & (columns <= last)).all()
 
 
 @settings(max_examples=30, deadline=None)
