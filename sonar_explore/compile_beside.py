@@ -2,7 +2,7 @@
 
 With an empty cache most of a run is compilation, which numba does on one core. `kernels.json` names the kernels of
 SLAM, mapping, planning and driving with the types of their arguments, in the order in which a run comes to need them,
-but for a few long ones at its end. The other processes, one for each core that is left but no more than three, begin
+but for a few long ones at its end. The other processes, one for each core that is left but no more than two, begin
 at the end and leave what they make in numba's cache, where the run finds it: they meet somewhere in the middle. What
 hears is left to the run, which begins with it. Nothing depends on the others: a kernel that they do not know, or know
 with other types, is compiled when it is called, as it would be without. They are forks of the run, so that they need
@@ -27,8 +27,8 @@ from typing import Any
 from sonar_explore.cores import usable_cores
 
 KERNELS = Path(__file__).with_name("kernels.json")
-MOST = 3
-"""Other processes: with them the run is soon left with what it does itself, and each holds some 300 MB."""
+MOST = 2
+"""Other processes, of some 300 MB each: a third one would save the run a twentieth."""
 HEARS = "sonar_explore.envs.pings.fire:fire_all"
 HAS_IT_WITHIN = "sonar_explore.envs.leg:drive"
 """Would have to compile what hears once more while the run is at it: it waits."""

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from mmap import mmap
 from pathlib import Path
 
 import pytest
@@ -100,3 +101,12 @@ def test_what_the_second_process_compiles_is_found_by_the_first(tmp_path: Path):
 
 def test_the_same_lines_interpreted_give_the_same_episodes():
     assert run_python(TWO_SCANS, NUMBA_DISABLE_JIT="1") == run_python(TWO_SCANS)
+
+
+def test_the_others_begin_each_kernel_once_from_the_last_on_and_the_leg_waits_for_what_it_contains():
+    leg = compile_beside.HAS_IT_WITHIN
+    assert leg in json.loads(compile_beside.KERNELS.read_text())
+    for heard, order in ((0, ["b:b", "a:a", leg]), (1, ["b:b", leg, "a:a"])):
+        begun = mmap(-1, 4)
+        begun[3] = heard
+        assert [compile_beside._next(["a:a", leg, "b:b"], begun) for _ in range(4)] == [*order, None]
