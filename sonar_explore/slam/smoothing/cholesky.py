@@ -1,4 +1,4 @@
-"""A sparse Cholesky factor by blocks: made where it changed, and solved with."""
+"""A sparse Cholesky factor by blocks: made where it changed, with what stands on the right, and solved with."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
 
 
 @kernel
-def eliminated(starts, factors, ends, rows, order, rank, dims, touched, layout, struct, factor):  # type: ignore[no-untyped-def]
+def eliminated(  # type: ignore[no-untyped-def]
+    starts, factors, ends, rows, off, shared, order, rank, dims, touched, layout, struct, factor, forward
+):
     """Blocks of columns of the touched variables, and of those above them in the tree, which are touched then: each
-    from its factors less what those before it have in its rows."""
+    from its factors less what those before it have in its rows. Likewise `forward`, L^-1 J'r, shape (variables, 4)."""
     n = len(rank)
     # by variable, the blocks whose next rows are its
     waiting, after = np.full(n, -1), np.empty(n, dtype=np.int64)
@@ -28,12 +30,13 @@ def eliminated(starts, factors, ends, rows, order, rank, dims, touched, layout, 
                 height += dims[struct[i]]
             block = factor[layout[v, 3] : layout[v, 3] + height * dims[v]]
             block[:] = 0.0
-            _assemble(v, starts, factors, ends, rows, rank, dims, place, block)
+            _assemble(v, starts, factors, ends, rows, off, shared, rank, dims, place, block, forward[v])
             k = waiting[v]
             while k >= 0:
-                _subtract(k, v, upto[k], row[k], dims, layout, struct, factor, place, goes, block)
+                _subtract(k, v, upto[k], row[k], dims, layout, struct, factor, forward, place, goes, block)
                 k = after[k]
             _cholesky(block, height, dims[v])
+            _substitute(block, dims[v], forward[v])
             if layout[v, 1] > 0:
                 touched[struct[layout[v, 0]]] = True
         k = waiting[v]
@@ -51,10 +54,15 @@ def eliminated(starts, factors, ends, rows, order, rank, dims, touched, layout, 
 
 
 @inner_kernel
-def _assemble(v, starts, factors, ends, rows, rank, dims, place, block):  # type: ignore[no-untyped-def]
-    """The columns of J'J of one variable, from the diagonal on."""
-    if v == 0:
-        _assemble_constants(rows, len(ends), block)
+def _assemble(v, starts, factors, ends, rows, off, shared, rank, dims, place, block, right):  # type: ignore[no-untyped-def]
+    """The columns of J'J of one variable, from the diagonal on, and what J'r has of it."""
+    for j in range(4):
+        right[j] = 0.0
+    if v == 0:  # all factors are tied to them: the sum over all is kept
+        for j in range(3):
+            right[j] = shared[j, 3]
+            for k in range(3):
+                block[k * 3 + j] = shared[k, j]
         return
     d = dims[v]
     constants = block[place[0] * d :]
@@ -71,6 +79,7 @@ def _assemble(v, starts, factors, ends, rows, rank, dims, place, block):  # type
                 x = own[j]
                 if x == 0.0:
                     continue
+                right[j] += x * off[f, i]
                 for k in range(j, d):
                     block[k * d + j] += own[k] * x
                 for k in range(3):
@@ -83,20 +92,7 @@ def _assemble(v, starts, factors, ends, rows, rank, dims, place, block):  # type
 
 
 @inner_kernel
-def _assemble_constants(rows, count, block):  # type: ignore[no-untyped-def]
-    """Those of the constants, which all factors are tied to, most by one of the three alone."""
-    for f in range(count):
-        for i in range(3):
-            for j in range(3):
-                x = rows[f, i, 8 + j]
-                if x == 0.0:
-                    continue
-                for k in range(j, 3):
-                    block[k * 3 + j] += rows[f, i, 8 + k] * x
-
-
-@inner_kernel
-def _subtract(k, v, upto, row, dims, layout, struct, factor, place, goes, block):  # type: ignore[no-untyped-def]
+def _subtract(k, v, upto, row, dims, layout, struct, factor, forward, place, goes, block):  # type: ignore[no-untyped-def]
     """What the block of k, whose rows from `row` on are those of v and of the variables after it, has in that of v.
 
     Where each of these rows `goes` is written down first: one loop through all of them is much sooner done than a short
@@ -113,6 +109,8 @@ def _subtract(k, v, upto, row, dims, layout, struct, factor, place, goes, block)
     theirs = factor[begin : begin + rows * d]
     for j in range(dv):
         mine, column = theirs[j * d : j * d + d], block[j:]
+        for i in range(d):
+            forward[v, j] -= mine[i] * forward[k, i]
         a, b = mine[0], mine[1]
         if d == 4:
             c, e = mine[2], mine[3]
@@ -156,27 +154,24 @@ def _cholesky(block, height, d):  # type: ignore[no-untyped-def]
             block[i + 3] = (block[i + 3] - x * h - y * k - z * m) / n
 
 
+@inner_kernel
+def _substitute(block, d, right):  # type: ignore[no-untyped-def]
+    """The square on top's inverse times this, in place."""
+    for i in range(d):
+        for k in range(i):
+            right[i] -= block[i * d + k] * right[k]
+        right[i] /= block[i * d + i]
+
+
 @lean_kernel
-def solved(order, dims, layout, struct, factor, x):  # type: ignore[no-untyped-def]
-    """L L' x = right, in place."""
-    for p in range(len(order)):
-        v = order[p]
-        d, at = dims[v], layout[v, 3]
-        for i in range(d):
-            for k in range(i):
-                x[v, i] -= factor[at + i * d + k] * x[v, k]
-            x[v, i] /= factor[at + i * d + i]
-        at += d * d
-        for k in range(layout[v, 0], layout[v, 0] + layout[v, 1]):
-            u = struct[k]
-            for i in range(dims[u]):
-                for j in range(d):
-                    x[u, i] -= factor[at + j] * x[v, j]
-                at += d
+def solved(order, dims, layout, struct, factor, forward, x):  # type: ignore[no-untyped-def]
+    """L' x = forward; of variables that are not in the order x stays as it is."""
     for p in range(len(order) - 1, -1, -1):
         v = order[p]
         d = dims[v]
         at = layout[v, 3] + d * d
+        for j in range(d):
+            x[v, j] = forward[v, j]
         for k in range(layout[v, 0], layout[v, 0] + layout[v, 1]):
             u = struct[k]
             for i in range(dims[u]):

@@ -52,6 +52,8 @@ class Blocks(NamedTuple):
     layout: NDArray[np.int64]
     struct: NDArray[np.int64]
     factor: Array
+    forward: Array
+    """L^-1 J'r, shape (variables, 4)."""
 
 
 class Elimination:
@@ -67,6 +69,7 @@ class Elimination:
         self._parent: NDArray[np.int64] = np.full(64, -1)
         """Of each variable in the elimination tree, -1 for the root."""
         self._layout: NDArray[np.int64] = np.zeros((64, 6), dtype=np.int64)
+        self._forward: Array = np.zeros((64, 4))
         self._starts: NDArray[np.int64] = np.zeros(65, dtype=np.int64)
         self._factors: NDArray[np.int64] = np.zeros(512, dtype=np.int64)
         self._dims: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
@@ -107,7 +110,8 @@ class Elimination:
         self._sparse = entries if found else self._sparse
         self._filled = entries > FILLED * self._sparse
         order, rank, layout = self._order[: self._used[2]], self._rank[:n], self._layout[:n]
-        return Blocks(self._starts, self._factors, order, rank, layout, self._struct, self._factor)
+        forward = self._forward[:n]
+        return Blocks(self._starts, self._factors, order, rank, layout, self._struct, self._factor, forward)
 
     @property
     def tree(self) -> Tree:
@@ -146,6 +150,7 @@ class Elimination:
             "_rank",
             "_parent",
             "_layout",
+            "_forward",
             "_starts",
             "_factors",
             "_struct",
@@ -157,7 +162,7 @@ class Elimination:
 
     def _grow(self, graph: FactorGraph) -> None:
         while len(self._rank) < graph.variables:
-            for name in ("_order", "_rank", "_parent", "_layout"):
+            for name in ("_order", "_rank", "_parent", "_layout", "_forward"):
                 setattr(self, name, doubled(getattr(self, name)))
             self._starts = np.zeros(len(self._rank) + 1, dtype=np.int64)
         while len(self._factors) < 2 * graph.factors:

@@ -6,6 +6,7 @@ Every measurement is a factor of one variable or two, and of the constants of th
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Sequence
 from copy import copy
 from typing import TypeVar
@@ -54,17 +55,32 @@ class FactorGraph:
         self.factors = 0
         """How many there are."""
         self._values: Array = np.zeros((64, 4))
+        self._anchors: Array = np.zeros((64, 4))
+        self._limits: Array = np.zeros((64, 4))
         self._dims: NDArray[np.int64] = np.zeros(64, dtype=np.int64)
         self._kinds: NDArray[np.int64] = np.zeros(256, dtype=np.int64)
         self._ends: NDArray[np.int64] = np.zeros((256, 2), dtype=np.int64)
         self._measured: Array = np.zeros((256, 18))
         self._rows: Array = np.zeros((256, 3, 11))
+        self._off: Array = np.zeros((256, 3))
+        self.shared: Array = np.zeros((3, 4))
+        """What all factors have of the constants alone: J'J, and J'r in the last column."""
 
     @property
     def values(self) -> Array:
         """Of each variable, shape (variables, 4): a pose's x, y [m], heading [rad] and own turn's error; a line's angle
         [rad] and distance [m]; a point's x, y, and a column's radius [m]; the constants."""
         return self._values[: self.variables]
+
+    @property
+    def anchors(self) -> Array:
+        """The values at which the factors of each variable were linearised, shape (variables, 4)."""
+        return self._anchors[: self.variables]
+
+    @property
+    def limits(self) -> Array:
+        """How far each may be from them before they are linearised anew, shape (variables, 4)."""
+        return self._limits[: self.variables]
 
     @property
     def dims(self) -> NDArray[np.int64]:
@@ -92,12 +108,20 @@ class FactorGraph:
         second, by the constants, shape (factors, 3, 11)."""
         return self._rows[: self.factors]
 
-    def add_variable(self, *values: float) -> int:
-        """First guess of a new one; its number."""
+    @property
+    def off(self) -> Array:
+        """And its residuals, at the anchors, shape (factors, 3)."""
+        return self._off[: self.factors]
+
+    def add_variable(self, *values: float, limits: Sequence[float] = ()) -> int:
+        """First guess of a new one, and its `limits`, infinite where there are none; its number."""
         k = self.variables
         if k == len(self._dims):
-            self._values, self._dims = doubled(self._values), doubled(self._dims)
-        self._values[k, : len(values)], self._dims[k] = values, len(values)
+            for name in ("_values", "_anchors", "_limits", "_dims"):
+                setattr(self, name, doubled(getattr(self, name)))
+        self._values[k, : len(values)] = self._anchors[k, : len(values)] = values
+        self._limits[k], self._dims[k] = math.inf, len(values)
+        self._limits[k, : len(limits)] = limits
         self.variables += 1
         return k
 
@@ -105,7 +129,7 @@ class FactorGraph:
         """A new one; its number."""
         k = self.factors
         if k == len(self._kinds):
-            for name in ("_kinds", "_ends", "_measured", "_rows"):
+            for name in ("_kinds", "_ends", "_measured", "_rows", "_off"):
                 setattr(self, name, doubled(getattr(self, name)))
         self._kinds[k], self._ends[k], self._measured[k, : len(measured)] = kind, (first, second), measured
         self.factors += 1
@@ -115,18 +139,29 @@ class FactorGraph:
         """What was heard of two variables is of one; who heard the one that goes."""
         moved = self.ends[:, 1] == absorbed
         self.ends[moved, 1] = survivor
-        self.rows[moved] = 0.0
         heard: list[int] = self.ends[moved, 0].tolist()
         return heard
 
     def drop(self, factor: int) -> None:
         """It says nothing any more."""
-        self.measured[factor] = self.rows[factor] = 0.0
+        self.measured[factor] = 0.0
 
     def copy(self) -> FactorGraph:
         """As it is now."""
         out = copy(self)
-        for name in ("_values", "_dims", "_kinds", "_ends", "_measured", "_rows"):
+        names = (
+            "_values",
+            "_anchors",
+            "_limits",
+            "_dims",
+            "_kinds",
+            "_ends",
+            "_measured",
+            "_rows",
+            "_off",
+            "shared",
+        )
+        for name in names:
             setattr(out, name, getattr(self, name).copy())
         return out
 

@@ -9,115 +9,76 @@ from sonar_explore.slam.smoothing.factor_graph import FactorKind
 
 START, ROBOT, TURN, ODOMETRY, LINE, POINT, COLUMN, RADIUS = (int(kind) for kind in FactorKind)
 HUBER, CAUCHY = 1.5, 2.0  # sigmas
-# sigmas by a motion of [m], [rad] that says nothing; a wall heard well has some 70 and 200
-FREE_M, FREE_RAD = 1.0, 3.0
 FIRMLY = 1e4  # one over the standard deviation of where the first scan stands, [1/m] and [1/rad]
 
 
 @lean_kernel
-def linearised(kinds, ends, measured, values, huber, tolerance, rows, row, off, slope, touched):  # type: ignore[no-untyped-def]
-    """All factors at these values: J'r into `slope`, shape (variables, 4). A factor whose rows of the Jacobian have
-    changed, relative to what they are in `rows`, by more than the tolerance puts the new ones there, and its variables
-    are `touched`. The sum of Cauchy's loss of what is heard, and that of all factors by the loss that is asked for, in
-    squared sigmas.
+def linearised(kinds, ends, measured, anchors, huber, known, stale, rows, off, shared, touched):  # type: ignore[no-untyped-def]
+    """Factors from `known` on, and those of stale variables, anew: `rows` and `off` by the robust weights of now. Their
+    variables are `touched`.
 
     Args:
+        kinds: with `ends`, `measured` and `anchors` those of a `FactorGraph`, as `rows`, `off` and `shared`.
         huber: whether what is heard has Huber's loss, else Cauchy's.
+        stale: shape (variables,).
+    """
+    if known == 0:
+        for j in range(3):
+            for k in range(4):
+                shared[j, k] = 0.0
+    for f in range(len(kinds)):
+        a, b = ends[f, 0], ends[f, 1]
+        if f < known and not stale[a] and (b < 0 or not stale[b]):
+            continue
+        row, residual = rows[f], off[f]
+        if f < known:
+            _share(row, residual, -1.0, shared)
+        squared = _linearise(kinds[f], measured[f], anchors, a, b, row, residual)
+        if squared >= 0.0:
+            weight = math.sqrt(_huber(squared) if huber else _cauchy(squared))
+            for i in range(2):
+                residual[i] *= weight
+                for j in range(11):
+                    row[i, j] *= weight
+        _share(row, residual, 1.0, shared)
+        touched[a] = touched[0] = True
+        if b >= 0:
+            touched[b] = True
+
+
+@inner_kernel
+def _share(row, off, sign, shared):  # type: ignore[no-untyped-def]
+    """Count what a factor has of the constants, or no more."""
+    for i in range(3):
+        for j in range(3):
+            x = sign * row[i, 8 + j]
+            if x == 0.0:
+                continue
+            for k in range(3):
+                shared[j, k] += x * row[i, 8 + k]
+            shared[j, 3] += x * off[i]
+
+
+@lean_kernel
+def losses(kinds, ends, measured, values, huber, row, off):  # type: ignore[no-untyped-def]
+    """At these values: the sum of Cauchy's loss of what is heard, and that of all factors by the loss that is asked
+    for, in squared sigmas.
+
+    Args:
         row: for one factor's rows, shape (3, 11).
         off: and its residuals, shape (3,).
     """
     loss = total = 0.0
-    for v in range(len(slope)):
-        for j in range(4):
-            slope[v, j] = 0.0
     for f in range(len(kinds)):
-        kind, a, b = kinds[f], ends[f, 0], ends[f, 1]
-        height = 2 if kind > ODOMETRY or kind == TURN else 3
-        for i in range(3):
-            off[i] = 0.0
-            for j in range(11):
-                row[i, j] = 0.0
-        squared = _linearise(kind, measured[f], values, a, b, row, off)
+        squared = _linearise(kinds[f], measured[f], values, ends[f, 0], ends[f, 1], row, off)
         if squared >= 0.0:
             cauchy = CAUCHY * CAUCHY * math.log1p(squared / (CAUCHY * CAUCHY))
             loss += cauchy
             total += _huber_loss(squared) if huber else cauchy
-            weight = math.sqrt(_huber(squared) if huber else _cauchy(squared))
-            for i in range(2):
-                off[i] *= weight
-                for j in range(11):
-                    row[i, j] *= weight
         else:
-            for i in range(height):
+            for i in range(3):
                 total += off[i] * off[i]
-        changed, size = _change(row, rows[f], height)
-        _slopes(row, off, a, b, height, slope)
-        if changed > tolerance * tolerance * size or _resists(kind, rows[f], values, a, b):
-            for i in range(height):
-                for j in range(11):
-                    rows[f, i, j] = row[i, j]
-            touched[a] = touched[0] = True
-            if b >= 0:
-                touched[b] = True
     return loss, total
-
-
-@inner_kernel
-def _change(row, before, height):  # type: ignore[no-untyped-def]
-    """Sums of squares: of how rows differ from those before, and of those before."""
-    changed = size = 0.0
-    for i in range(height):
-        changed_here = size_here = 0.0
-        for j in range(11):
-            change = row[i, j] - before[i, j]
-            changed_here += change * change
-            size_here += before[i, j] * before[i, j]
-        changed += changed_here
-        size += size_here
-    return changed, size
-
-
-@inner_kernel
-def _slopes(row, off, a, b, height, slope):  # type: ignore[no-untyped-def]
-    """What a factor adds to J'r."""
-    for i in range(height):
-        r = off[i]
-        for j in range(4):
-            slope[a, j] += row[i, j] * r
-        if b >= 0:
-            for j in range(4):
-                slope[b, j] += row[i, 4 + j] * r
-        for j in range(3):
-            slope[0, j] += row[i, 8 + j] * r
-
-
-@inner_kernel
-def _resists(kind, rows, values, a, b):  # type: ignore[no-untyped-def]
-    """Whether rows of what ties two variables resist a motion of both as one: as they were, they say of where the map
-    lies and how it is turned what nobody measured.
-
-    A line moves by its distance from the origin and turns by its angle; all turns are about the origin.
-    """
-    if b < 0:
-        return False
-    x, y, height = values[a, 0], values[a, 1], 3 if kind == ODOMETRY else 2
-    c, s = (math.cos(values[b, 0]), math.sin(values[b, 0])) if kind == LINE else (0.0, 0.0)
-    for i in range(height):
-        along_x, along_y = rows[i, 0], rows[i, 1]
-        turned = rows[i, 2] + rows[i, 1] * x - rows[i, 0] * y
-        if kind == LINE:
-            along_x += rows[i, 5] * c
-            along_y += rows[i, 5] * s
-            turned += rows[i, 4]
-        else:
-            along_x += rows[i, 4]
-            along_y += rows[i, 5]
-            turned += rows[i, 5] * values[b, 0] - rows[i, 4] * values[b, 1]
-            if kind == ODOMETRY:
-                turned += rows[i, 6]
-        if max(abs(along_x), abs(along_y)) > FREE_M or abs(turned) > FREE_RAD:
-            return True
-    return False
 
 
 @inner_kernel
@@ -141,6 +102,10 @@ def _cauchy(squared):  # type: ignore[no-untyped-def]
 @inner_kernel
 def _linearise(kind, measured, values, a, b, row, off):  # type: ignore[no-untyped-def]
     """Rows and residuals of one factor; its squared residual where that counts robustly, else -1."""
+    for i in range(3):
+        off[i] = 0.0
+        for j in range(11):
+            row[i, j] = 0.0
     if kind == ODOMETRY:
         _odometry(measured, values, a, b, row, off)
         return -1.0

@@ -28,7 +28,7 @@ from sonar_explore.slam.motion import Motion, told_by_odometry
 from sonar_explore.slam.smoothing.descent import descended
 from sonar_explore.slam.smoothing.elimination import Elimination, Tree
 from sonar_explore.slam.smoothing.factor_graph import CONSTANTS, FactorGraph, FactorKind
-from sonar_explore.slam.smoothing.jacobian import linearised
+from sonar_explore.slam.smoothing.jacobian import losses
 from sonar_explore.slam.smoothing.known_points import NONE, ONCE, KnownPoints
 from sonar_explore.slam.smoothing.relative import (
     line_covariances,
@@ -73,9 +73,12 @@ class SmoothingConfig:
     """Scans, and what they heard, stay where they were placed until the solution has moved them by more, [m],"""
     settled_rad: float = 0.001
     """or turned them by more, [rad]."""
-    renew: float = 0.2
-    """A factor whose rows of the Jacobian, with their robust weight, have changed by more than this share goes into the
-    normal equations anew; the gradient is always exact."""
+    anchored_m: float = 0.002
+    """What was heard of a pose or a point stays linearised where it was until they have moved by more, [m],"""
+    anchored_rad: float = 0.001
+    """and of a pose or a line until it has turned by more, [rad],"""
+    anchored_scale: float = 0.0002
+    """and all of it, until a constant has changed by more."""
 
 
 class Smoother:
@@ -85,7 +88,7 @@ class Smoother:
         self._config = config
         self._start = start
         self._graph = FactorGraph()
-        self._graph.add_variable(0.0, 0.0, 0.0)
+        self._graph.add_variable(0.0, 0.0, 0.0, limits=(config.anchored_scale,) * 3)
         self._constant_sigmas = (*wheel_sigmas, config.range_scale)
         self._scans: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
         """The variable of each scan's pose."""
@@ -149,13 +152,15 @@ class Smoother:
             turn: what the discs say of the error of its turn.
         """
         graph = self._graph
-        here = graph.add_variable(pose.x, pose.y, pose.heading, 0.0)
+        config = self._config
+        limits = config.anchored_m, config.anchored_m, config.anchored_rad
+        here = graph.add_variable(pose.x, pose.y, pose.heading, 0.0, limits=limits)
         if not len(self._scans):
             start = self._start
             graph.add_factor(FactorKind.START, here, -1, (start.x, start.y, start.heading))
             graph.add_factor(FactorKind.ROBOT, here, -1, [1.0 / sigma for sigma in self._constant_sigmas])
         heard = (turn.relative, 1.0 / turn.sigma) if turn else (0.0, 0.0)
-        graph.add_factor(FactorKind.TURN, here, -1, (math.tau / self._config.turn_rad, *heard))
+        graph.add_factor(FactorKind.TURN, here, -1, (math.tau / config.turn_rad, *heard))
         if motion is not None:
             factor = graph.add_factor(FactorKind.ODOMETRY, int(self._scans[-1]), here, ())
             told_by_odometry(*motion.as_arrays(), graph.measured[factor])
@@ -167,7 +172,8 @@ class Smoother:
             angle = self._direction(sighting)
             x, y, _, _ = self._graph.values[self._scans[sighting.scan]].tolist()
             distance = x * math.cos(angle) + y * math.sin(angle) + sighting.range_m
-            self._chains[sighting.what] = self._graph.add_variable(angle, distance)
+            limits = (self._config.anchored_rad,)
+            self._chains[sighting.what] = self._graph.add_variable(angle, distance, limits=limits)
         config = self._config
         sigma = math.sqrt(config.bearing_rad**2 / sighting.discs + config.bearing_least_rad**2)
         heard = sighting.bearing_rad, sighting.sweep_rad, sighting.range_m, 1.0 / sigma, 1.0 / config.range_m
@@ -193,11 +199,12 @@ class Smoother:
             points.variable(number),
             points.heard[number].tolist(),
         )
+        limits = (self._config.anchored_m,) * 2
         if first[3] > 0.0:
-            point = graph.add_variable(*place, first[3])
+            point = graph.add_variable(*place, first[3], limits=limits)
             self._widths[point] = graph.add_factor(FactorKind.RADIUS, point, -1, ()), 0, 0.0
         else:
-            point = graph.add_variable(*place)
+            point = graph.add_variable(*place, limits=limits)
         points.bind(number, point)
         self._hear_point(number, scan, first)
 
@@ -218,6 +225,7 @@ class Smoother:
         """A column is about as thick as its widths tell, on average."""
         factor, heard, radii = self._widths[column]
         self._graph.measured[factor, :2] = radii / heard, heard / (self._config.radius_share * radii)
+        self._changed.append(column)
 
     def merge_points(self, survivor: int, absorbed: int) -> None:
         """Two points of one kind are one."""
@@ -250,33 +258,32 @@ class Smoother:
 
     def solve(self) -> None:
         """Move poses, lines, points and the robot's constants to where everything agrees best."""
-        graph, config = self._graph, self._config
-        touched = np.zeros(graph.variables, dtype=bool)
-        touched[self._solved :] = touched[self._changed] = True
-        touched[graph.ends[self._known :]] = True
+        graph, config, known = self._graph, self._config, self._known
+        stale = np.zeros(graph.variables, dtype=bool)
+        stale[self._changed] = True
+        touched = stale.copy()
+        touched[self._solved :] = True
+        touched[graph.ends[known:]] = True
         blocks = self._elimination.lay_out(graph, touched)
-        problem = graph.kinds, graph.ends, graph.measured, graph.values, graph.rows
+        problem = graph.kinds, graph.ends, graph.measured, graph.values, graph.anchors, graph.limits
         poses, still = self._scans, (config.still_m, config.still_m, config.still_rad)
         for huber in (True, False) if self._far_off else (False,):
             steps = config.iterations // 2 if huber else config.iterations
-            descended(*problem, *blocks, graph.dims, poses, still, huber, config.renew, steps, touched)
+            known = 0 if self._far_off else known  # all by the other loss
+            descended(
+                *(*problem, graph.rows, graph.off, graph.shared, *blocks, graph.dims),
+                *(poses, still, huber, known, steps, stale, touched),
+            )
         self._changed.clear()
         self._far_off = False
         self._solved, self._known = graph.variables, graph.factors
         self._last_solved = int(self._scans[-1])
 
-    def _linearise(
-        self, huber: bool, tolerance: float, rows: Array, slope: Array, touched: NDArray[np.bool_]
-    ) -> float:
-        graph, row, off = self._graph, np.empty((3, 11)), np.empty(3)
-        problem = graph.kinds, graph.ends, graph.measured, graph.values
-        return float(linearised(*problem, huber, tolerance, rows, row, off, slope, touched)[0])
-
     def misfit(self) -> float:
         """Of all walls and points as heard, as things stand: the sum of Cauchy's loss, in squared sigmas."""
         graph = self._graph
-        slope, touched = np.empty((graph.variables, 4)), np.zeros(graph.variables, dtype=bool)
-        return self._linearise(False, math.inf, np.ones_like(graph.rows), slope, touched)
+        problem = graph.kinds, graph.ends, graph.measured, graph.values
+        return float(losses(*problem, False, np.empty((3, 11)), np.empty(3))[0])
 
     def copy(self) -> Smoother:
         """As it is now, whatever is added to this one or merged in it."""

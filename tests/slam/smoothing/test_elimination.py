@@ -35,6 +35,7 @@ class Grown:
         if second >= 0:
             rows[:, 4 : 4 + self.graph.dims[second]] = self.rng.normal(size=(3, self.graph.dims[second]))
         rows[:, 8:] = self.rng.normal(size=(3, 3)) * (1.0 if hold else 0.3)
+        self.graph.off[f] = self.rng.normal(size=3)
         self._touched |= {0, first, max(second, 0)}
 
     def any_factor(self):
@@ -47,11 +48,9 @@ class Grown:
 
     def put_together(self, stays, goes):
         moved = self.graph.ends[:, 1] == goes
-        kept = self.graph.rows[moved].copy()
-        kept[:, :, 4 + self.graph.dims[stays] : 8] = 0.0
+        self.graph.rows[moved, :, 4 + self.graph.dims[stays] : 8] = 0.0
         self._touched |= {stays, goes, *self.graph.ends[moved, 0].tolist()}
         self.graph.put_together(stays, goes)
-        self.graph.rows[moved] = kept
 
     def eliminated(self):
         """Which variables were."""
@@ -60,22 +59,24 @@ class Grown:
         self._touched.clear()
         graph = self.graph
         self.blocks = self.elimination.lay_out(graph, touched)
-        starts, factors, order, rank, layout, struct, factor = self.blocks
+        starts, factors, order, rank, layout, struct, factor, forward = self.blocks
+        by = graph.rows[:, :, 8:].reshape(-1, 3)
+        shared = np.column_stack([by.T @ by, by.T @ graph.off.ravel()])
         eliminated(
-            *(starts, factors, graph.ends, graph.rows, order, rank, graph.dims),
-            *(touched, layout, struct, factor),
+            *(starts, factors, graph.ends, graph.rows, graph.off, shared, order, rank, graph.dims),
+            *(touched, layout, struct, factor, forward),
         )
         return touched
 
-    def solved(self, right, blocks=None):
-        """With the factor as it is, or as it was laid out."""
-        _, _, order, _, layout, struct, factor = blocks or self.blocks
-        out = right.copy()
-        solved(order, self.graph.dims, layout, struct, factor, out)
+    def solved(self):
+        """With the factor as it was laid out."""
+        _, _, order, _, layout, struct, factor, forward = self.blocks
+        out = np.zeros((self.graph.variables, 4))
+        solved(order, self.graph.dims, layout, struct, factor, forward, out)
         return out
 
     def dense(self):
-        """J'J over all numbers that the variables have, and which of the four of each they are."""
+        """J'J and J'r over all numbers that the variables have, and which of the four of each they are."""
         graph = self.graph
         jacobian = np.zeros((graph.factors, 3, graph.variables, 4))
         for f, (first, second) in enumerate(graph.ends):
@@ -84,14 +85,13 @@ class Grown:
             jacobian[f, :, 0, :3] += graph.rows[f, :, 8:]
         used = np.arange(4) < graph.dims[:, None]
         jacobian = jacobian.reshape(3 * graph.factors, -1)[:, used.ravel()]
-        return jacobian.T @ jacobian, used
+        return jacobian.T @ jacobian, jacobian.T @ graph.off.ravel(), used
 
 
 def check(grown):
-    normal, used = grown.dense()
-    right = np.where(used, grown.rng.normal(size=used.shape), 0.0)
-    found = grown.solved(right)
-    np.testing.assert_allclose(found[used], np.linalg.solve(normal, right[used]), atol=1e-7)
+    normal, right, used = grown.dense()
+    found = grown.solved()
+    np.testing.assert_allclose(found[used], np.linalg.solve(normal, right), atol=1e-7)
     assert (found[~used] == 0.0).all()
 
 
@@ -134,7 +134,7 @@ def test_covariances_are_those_of_the_inverse(seed):
         grown.variable()
         grown.any_factor()
     grown.eliminated()
-    normal, used = grown.dense()
+    normal, _, used = grown.dense()
     variables = grown.rng.integers(1, grown.graph.variables, size=5)
     other = int(grown.rng.integers(1, grown.graph.variables))
     by, by_other = grown.rng.normal(size=(2, 5, 4, 3)) * used[[variables, np.full(5, other)]][..., None]

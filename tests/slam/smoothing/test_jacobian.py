@@ -1,7 +1,6 @@
 # mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """Rows of the Jacobian are derivatives, made anew where they must be, and no step by them leads uphill."""
 
-import math
 from dataclasses import replace
 from itertools import pairwise
 
@@ -47,37 +46,43 @@ def one_of_each():
     return graph
 
 
-def slope_and_loss(graph, f):
-    """Of one factor, its loss robust where it is heard and else the sum of squares."""
-    slope, touched = np.empty((graph.variables, 4)), np.zeros(graph.variables, dtype=bool)
-    one = slice(f, f + 1)
-    problem = graph.kinds[one], graph.ends[one], graph.measured[one], graph.values
-    off, rows = np.empty(3), np.zeros((1, 3, 11))
-    heard, total = jacobian.linearised(*problem, False, 0.0, rows, np.empty((3, 11)), off, slope, touched)
-    assert total == pytest.approx(heard or off @ off)
-    return slope, total
+def linearised(graph, stale=(), *, huber=False, known=0):
+    """Which variables were touched."""
+    touched, old = np.zeros((2, graph.variables), dtype=bool)
+    old[list(stale)] = True
+    problem = graph.kinds, graph.ends, graph.measured, graph.anchors
+    jacobian.linearised(*problem, huber, known, old, graph.rows, graph.off, graph.shared, touched)
+    return touched
+
+
+def losses(graph, *, huber=False, only=slice(None)):
+    problem = graph.kinds[only], graph.ends[only], graph.measured[only], graph.values
+    return jacobian.losses(*problem, huber, np.empty((3, 11)), np.empty(3))
+
+
+def slope(graph, f):
+    """Of one factor, at the anchors, shape (variables, 4)."""
+    out, by = np.zeros((graph.variables, 4)), graph.off[f] @ graph.rows[f]
+    first, second = graph.ends[f]
+    out[first] += by[:4]
+    if second >= 0:
+        out[second] += by[4:8]
+    out[0, :3] += by[8:]
+    return out
 
 
 def test_the_slope_of_every_kind_of_factor_agrees_with_finite_differences_of_its_loss():
     graph = one_of_each()
+    linearised(graph)
     for f in range(graph.factors):
-        exact, _ = slope_and_loss(graph, f)
+        exact = slope(graph, f)
         for k, variable in enumerate(graph.values):
             for i in range(graph.dims[k]):
                 found = []
                 for step in (1e-6, -2e-6, 1e-6):
                     variable[i] += step
-                    found.append(slope_and_loss(graph, f)[1])
+                    found.append(losses(graph, only=slice(f, f + 1))[1])
                 assert exact[k, i] == pytest.approx((found[0] - found[1]) / 4e-6, abs=2.0, rel=1e-4)
-
-
-def linearised(graph, tolerance, *, huber=False):
-    slope, touched = np.empty((graph.variables, 4)), np.zeros(graph.variables, dtype=bool)
-    problem = graph.kinds, graph.ends, graph.measured, graph.values
-    jacobian.linearised(
-        *problem, huber, tolerance, graph.rows, np.empty((3, 11)), np.empty(3), slope, touched
-    )
-    return slope, touched
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -92,51 +97,51 @@ def test_no_solution_fits_worse_than_what_it_begins_with_however_far_off_that_is
     graph = out._graph
     graph.values[out._scans[1:], :3] += rng.normal(0.0, (1.0, 1.0, 0.6), (len(poses) - 1, 3))
     out._config = replace(out._config, iterations=1)
-    totals = [total(graph)]
+    totals = [losses(graph)[1]]
     for _ in range(4):
         out.solve()
-        totals.append(total(graph))
+        totals.append(losses(graph)[1])
     assert all(after <= before + 0.1 for before, after in pairwise(totals))
     assert np.isfinite(graph.values).all()
 
 
-def total(graph):
-    """By the loss of the last steps, Cauchy's."""
-    slope, touched = np.empty((graph.variables, 4)), np.zeros(graph.variables, dtype=bool)
-    problem = graph.kinds, graph.ends, graph.measured, graph.values
-    rows = np.zeros_like(graph.rows)
-    return jacobian.linearised(*problem, False, 0.0, rows, np.empty((3, 11)), np.empty(3), slope, touched)[1]
-
-
-def test_the_slope_is_exact_and_rows_are_renewed_only_where_they_changed_or_resist_a_motion_of_all():
+def test_only_what_is_new_and_what_was_heard_of_stale_variables_is_linearised_anew():
     graph = one_of_each()
-    _, touched = linearised(graph, 0.2)
-    assert touched.all()
-    before = graph.rows.copy()
-    slope, touched = linearised(graph, 0.2)
-    assert not touched.any() and (graph.rows == before).all()
-    graph.values[5, :2] += 0.002  # the column
-    moved, touched = linearised(graph, 0.2)
-    assert (moved[5] != slope[5]).any()
-    slope, touched = linearised(graph, 1e-6)
-    assert touched[5] and not touched[[3, 4]].any()
-    np.testing.assert_array_equal(moved, slope)
+    assert linearised(graph).all()
+    before = graph.rows.copy(), graph.off.copy()
+    graph.anchors[5, :2] += 0.002  # the column
+    assert not linearised(graph, known=graph.factors).any()
+    assert (graph.rows == before[0]).all() and (graph.off == before[1]).all()
+    touched = linearised(graph, [5], known=graph.factors)
+    assert touched.tolist() == [True, True, True, False, False, True]
+    partly = graph.rows.copy(), graph.off.copy()
+    assert linearised(graph, known=graph.factors - 1).tolist() == [True, *[False] * 4, True]
+    kept = graph.shared.copy()
+    linearised(graph)
+    assert (graph.rows == partly[0]).all() and (graph.off == partly[1]).all()
+    by, off = graph.rows[:, :, 8:].reshape(-1, 3), graph.off.ravel()
+    for shared in (kept, graph.shared):
+        np.testing.assert_allclose(shared, np.column_stack([by.T @ by, by.T @ off]), rtol=1e-12)
 
 
-@pytest.mark.parametrize(("angle", "renewed"), [(0.001, False), (0.3, True)])
-def test_factors_that_would_resist_a_turn_of_the_whole_map_are_renewed(angle, renewed):
+@pytest.mark.parametrize("angle", [0.001, 0.3])
+def test_rows_at_the_anchors_say_nothing_of_how_the_whole_map_lies(angle):
+    """Whichever variables have new anchors: the derivatives by a turn of all anchors about the origin vanish."""
     poses, motions = loop()
     out = smoother(poses, motions, np.random.default_rng(0))
     for i, p in enumerate(poses):
         for s in pillars_seen(i, p):
             out.add_point(s)
     out.solve()
-    graph, (c, s) = out._graph, (math.cos(angle), math.sin(angle))
-    for k, variable in enumerate(graph.values):
-        if k in out._chains.values():
-            variable[0] += angle
-        elif k:
-            variable[:2] = variable[:2] @ [[c, s], [-s, c]]
-            variable[2] += angle if k in out._scans else 0.0
-    _, touched = linearised(graph, 1e9)
-    assert touched.all() if renewed else not touched.any()
+    graph, lines = out._graph, [*out._chains.values()]
+    moved = np.arange(graph.variables) % 3 == 1
+    graph.anchors[moved] += np.random.default_rng(1).normal(0.0, angle, (moved.sum(), 4))
+    linearised(graph, np.flatnonzero(moved), known=graph.factors)
+    x, y = graph.anchors[:, 0].copy(), graph.anchors[:, 1].copy()
+    turn = np.column_stack([-y, x, np.ones_like(x), np.zeros_like(x)])
+    turn[lines] = 1.0, 0.0, 0.0, 0.0
+    turn[graph.dims == 2, 2] = 0.0
+    for f, (first, second) in enumerate(graph.ends):
+        if second >= 0:
+            by_first, by_second = graph.rows[f, :, :4] @ turn[first], graph.rows[f, :, 4:8] @ turn[second]
+            np.testing.assert_allclose(by_first, -by_second, atol=1e-8)

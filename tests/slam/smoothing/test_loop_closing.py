@@ -298,14 +298,14 @@ def test_what_may_close_is_what_the_steps_one_by_one_would_let_through():
     assert 20 < sum(said) < 100
 
 
-def test_a_loop_over_metres_is_not_where_one_solution_leaves_it():
+def test_one_solution_closes_a_loop_over_metres():
     gaps = []
-    for seed in (3, 4, 6):
+    for seed in (4, 6, 7):
         out, true = long_way_round(seed)
         before, gap = out.misfit(), Pose(*out.poses[-1]).distance_to(true)
         for k in range(6):
             out.merge_points(k, k + 100)
         out.solve()
-        if out.misfit() > before + 6 * CONFIG.strain:
-            gaps.append(gap)
-    assert gaps and min(gaps) > 1.0
+        assert out.misfit() <= before + 1.0
+        gaps.append(gap)
+    assert min(gaps) > 2.0
