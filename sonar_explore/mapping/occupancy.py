@@ -169,6 +169,7 @@ class OccupancyMapper:
         obstacles: Sequence[tuple[int, Array]],
         *,
         doubtful: bool = False,
+        bounded: bool = True,
         fresh_m: float = math.inf,
     ) -> OccupancyGrid:
         """The grid of these scans at these poses.
@@ -181,6 +182,7 @@ class OccupancyMapper:
                 they are in its frame, [m].
             doubtful: whether to believe only what is sure of a wall, the piece about the foot of its normal, and no
                 edges, corners or bridged gaps: what else the map draws may shut a door that is open.
+            bounded: whether bounds stand where the map is doubted.
             fresh_m: scans farther off than this from the last may wait until they have moved by `far_still_m`, [m];
                 where the map is doubted, all that they clear may, until it has moved by `LATE_M`.
         """
@@ -192,7 +194,7 @@ class OccupancyMapper:
         barriers = np.vstack([found.walls, found.gaps, seen.bounds.all])
         drawn.sectors.resize(frame)
         last_trail = max(0, len(drawn.at) - 1)  # the one that may have grown since
-        changed = self._mark(drawn, frame, found, doubtful)
+        changed = self._mark(drawn, frame, found, doubtful, bounded)
         again = self._to_cut(drawn, found.pivots, changed, fresh_m if doubtful else math.inf)
         at, real = seen.at.all, ~found.pivots
         clear_m = cut_all_at_walls(
@@ -239,10 +241,10 @@ class OccupancyMapper:
             gaps = np.vstack([narrow, continued(heard, points, cfg.on_line_m, cfg.goes_on_m)])
         return _Walls(pivots, points, walls, fresh, gaps)
 
-    def _mark(self, drawn: _Drawn, frame: GridFrame, found: _Walls, doubtful: bool) -> Array:
+    def _mark(self, drawn: _Drawn, frame: GridFrame, found: _Walls, doubtful: bool, bounded: bool) -> Array:
         """Mark what is believed; the barriers that came or went, shape (k, 4), [m]."""
         spans, bounds = drawn.sectors.changed, self._seen.bounds.all
-        walls = np.concatenate([found.walls, bounds]) if doubtful else found.walls
+        walls = np.concatenate([found.walls, bounds]) if doubtful and bounded else found.walls
         changed = [drawn.walls.put(frame, walls, spans), drawn.gaps.put(frame, found.gaps, spans)]
         if not doubtful:
             changed += differing_rows(drawn.bounds, bounds)

@@ -121,7 +121,7 @@ class Offers:
             candidates = candidates or self._before_the_end(pose)
             candidates = candidates or self._chance_underway(pose) or self._second_chance(pose)
             if not candidates and (hemmed_in or self._is_cut_off(pose)):
-                candidates = self._back_out(pose)
+                candidates = self._past_bounds(pose) or self._back_out(pose)
         if not candidates:
             self.gave_up = self._is_kept_from_something(pose) or self._is_cut_off(pose)
             candidates = self._close_a_loop(pose)
@@ -266,6 +266,17 @@ class Offers:
         more = int(here.paths(pose).within.sum()) - cells
         here.retracing = False
         return more * here.resolution_m**2 >= CUT_OFF_M2
+
+    def _past_bounds(self, pose: Pose) -> tuple[Candidate, ...]:
+        """Where most of the map is cut off: what is to be seen if bounds are none. One heard from far off stands aside
+        where the map is turned, and may shut the one door."""
+        here = self._surroundings
+        here.retracing = False
+        here.believe_bounds(False)
+        found = self._doubted_walls(pose, math.inf)
+        if not found:
+            here.believe_bounds(True)
+        return found
 
     def _back_out(self, pose: Pose) -> tuple[Candidate, ...]:
         """Where most of the map is cut off: places that the way it came leads to, whatever is drawn across it."""

@@ -63,6 +63,8 @@ class Surroundings:
         """Whether only what is sure of the walls is believed."""
         self.retracing = False
         """Whether where the body has been is open, whatever the map says."""
+        self._bounded = True
+        """Whether bounds stand where the map is doubted."""
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -75,6 +77,7 @@ class Surroundings:
                 self._trails_so_far(),
                 self._obstacles,
                 doubtful=self.doubtful,
+                bounded=self._bounded,
                 fresh_m=math.inf if self._everywhere else FRESH_M,
             )
         return self._grids[self.doubtful]
@@ -109,7 +112,7 @@ class Surroundings:
         far = far_walls(scan, self._config.slam, self._config.mapping.far_wall_m)
         self._looks.append(replace(look, bounds=far))
         self._trails.append(np.zeros((1, 2)))
-        self.doubtful = False
+        self.doubtful, self._bounded = False, True
         self._changed()
 
     def add_body(self, poses: Sequence[Pose]) -> None:
@@ -152,6 +155,12 @@ class Surroundings:
     def believe(self, *, doubtful: bool) -> None:
         """Take the map as it is, or only what is sure of its walls."""
         self.doubtful = doubtful
+
+    def believe_bounds(self, believed: bool) -> None:
+        """Whether bounds stand where the map is doubted; they do again with the next scan."""
+        if self._bounded != believed:
+            self._bounded = believed
+            self._changed()
 
     def look_everywhere(self) -> bool:
         """Draw what is far away where it is believed to stand, too, until something changes; whether that is elsewhere

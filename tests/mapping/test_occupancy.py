@@ -268,7 +268,7 @@ def test_a_door_under_a_wall_drawn_too_long_is_shut_until_the_map_is_doubted():
     np.testing.assert_array_equal(again.states, believed.states)
 
 
-def test_a_bound_lets_no_scan_clear_what_is_behind_and_stands_where_the_map_is_doubted():
+def test_a_bound_lets_no_scan_clear_what_is_behind_and_stands_where_the_map_is_doubted_unless_bounds_are_too():
     maps, poses = mapper(), [Pose(0.0, 0.0, 0.0)]
     passed = replace(nothing_seen(1.5), bounds=np.array([[1.0, -0.3, 1.0, 0.3]]))
     believed = maps.draw(poses, [nothing_seen(1.5)], nowhere(1), [])
@@ -278,6 +278,10 @@ def test_a_bound_lets_no_scan_clear_what_is_behind_and_stands_where_the_map_is_d
     assert state(believed, 1.3, 0.0) == state(doubted, 1.3, 0.0) == UNKNOWN
     assert state(believed, 0.8, 0.0) == state(believed, 1.0, 0.8) == FREE
     assert state(believed, 1.0, 0.0) != OCCUPIED and state(doubted, 1.0, 0.0) == OCCUPIED
+    unbounded = maps.draw(poses, [passed], nowhere(1), [], doubtful=True, bounded=False)
+    assert state(unbounded, 1.0, 0.0) != OCCUPIED
+    again = maps.draw(poses, [passed], nowhere(1), [], doubtful=True)
+    np.testing.assert_array_equal(again.states, doubted.states)
 
 
 def test_where_the_body_has_been_moves_with_the_scan_it_was_believed_after():

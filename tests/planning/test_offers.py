@@ -56,11 +56,15 @@ class Land:
 
     def __init__(self, *places):
         self.places, self.version, self.doubtful, self.daring, self.free_m2 = places, 0, False, False, 50.0
-        self.correction_m = 0.0
+        self.correction_m, self.bounded = 0.0, True
         self.grid, self.scan_positions, self.safe = None, np.zeros((0, 2)), False
 
     def believe(self, *, doubtful):
         self.doubtful = doubtful
+
+    def believe_bounds(self, believed):
+        self.version += believed != self.bounded
+        self.bounded = believed
 
     def look_everywhere(self):
         drifted, self.drifted, self.safe = self.drifted, False, self.drifted
@@ -239,6 +243,18 @@ def test_a_robot_that_its_map_shuts_in_goes_back_the_way_it_came_but_not_for_eve
     for _ in range(RETRACES):
         assert try_one(offers, land, DriveEnd.BLOCKED, HERE) and land.retracing
     assert offers.now(HERE) == () and not land.retracing
+
+
+@pytest.mark.parametrize("shut_in", [False, True])
+def test_a_robot_that_its_map_shuts_in_tries_what_bounds_shut_before_the_way_it_came(shut_in):
+    class Bounded(Land):
+        def find(self, grid, paths, chains, scanned, put_aside, tried, worth=None):
+            return self.places if self.doubtful and not self.bounded else ()
+
+    land = Bounded(place(9.0, 0.0, 20.0))
+    land.shut_in = shut_in
+    assert offers_in(land).now(HERE) == (land.places if shut_in else ())
+    assert land.bounded != shut_in and land.doubtful == shut_in and not land.retracing
 
 
 @pytest.mark.parametrize("retraced", [False, True])
