@@ -50,6 +50,9 @@ class ExplorationConfig:
     """`turn`, the paper's: a full turn with one sonar kept; or `ring`: a short turn with all of them."""
     alternate_spin: bool = True
     """Scans turn left and right in turn: always the same way, a wrong wheel base adds up scan by scan."""
+    ring_in_the_open: bool = True
+    """Where the last scan heard nothing and no wall is known to be near, the next one is a ring scan: a full turn loses
+    five times as much of the heading there, and nothing is heard to find it again."""
     max_scans: int = 400
     """An episode that has not ended by itself ends here."""
 

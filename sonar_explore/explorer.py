@@ -97,6 +97,8 @@ class Explorer:
         self._offers = Offers(self._surroundings, slam, self._finder, config)
         self._leg_trail: list[Pose] = []
         mind = _Mind(self)
+        self._heard_nothing = False
+        """Whether the last scan heard no wall and no point."""
         believing = known_pose is None
         self._driver = Driver(
             robot,
@@ -123,16 +125,25 @@ class Explorer:
         direction = -1 if self._config.alternate_spin and self._surroundings.scans % 2 else 1
         if self._known_pose is not None:
             self._slam.place(self._known_pose())
-        scan = self._robot.ring_scan if self._config.scan == "ring" else self._robot.scan
-        return self.observe(scan(direction))
+        ring = self._config.scan == "ring" or self._is_in_the_open()
+        return self.observe((self._robot.ring_scan if ring else self._robot.scan)(direction))
 
     def observe(self, scan: Scan) -> ScanUpdate:
         """Take a scan from the robot or from a log: correct the pose, draw the map."""
         self._surroundings.add_passed(self._driver.walls_passed())
         update = self._slam.update(scan)
         self._driver.forget()
+        self._heard_nothing = not update.features
         self._surroundings.add_scan(scan, update.features)
         return update
+
+    def _is_in_the_open(self) -> bool:
+        """Whether the last scan heard nothing, and no wall is known so near that this one should."""
+        if not (self._heard_nothing and self._config.ring_in_the_open):
+            return False
+        here = self.pose()
+        cell = self.grid.frame.cell(here.x, here.y)
+        return bool(self.grid.to_walls_m[cell] > self._config.planning.blind_m)
 
     def pose(self) -> Pose:
         """`pose_robot_in_map` now, by odometry since the last scan."""

@@ -131,6 +131,34 @@ def test_scans_turn_left_and_right_in_turn():
     assert np.sign(np.diff([0.0, *headings])).tolist() == [1, -1, 1, -1]
 
 
+def turns_in_a_hall(y, **options):
+    """By how much each of three scans turned the robot, [deg], so far up or down in a hall of 20 m."""
+    walls = np.array(
+        [[-10, -10, 10, -10], [10, -10, 10, 10], [10, 10, -10, 10], [-10, 10, -10, -10]], dtype=float
+    )
+    hall = World("hall", "", walls, np.zeros(4), np.zeros((0, 3)), Pose(0, y, 0), False)
+    config = replace(CONFIG, **options)
+    robot = Simulator(hall, config.simulator, np.random.default_rng(0))
+    explorer = Explorer(robot, make_slam("chain", Pose(0, y, 0), config.slam), config)
+    headings = [robot.pose_robot_in_odometry.heading]
+    for _ in range(3):
+        explorer.look()
+        headings.append(robot.pose_robot_in_odometry.heading)
+    return np.degrees(np.abs(np.diff(headings))).round().tolist()
+
+
+def test_where_a_scan_heard_nothing_in_the_middle_of_a_hall_the_next_ones_are_ring_scans():
+    assert turns_in_a_hall(0.0) == [360, 70, 70]
+
+
+def test_beside_a_wall_of_the_hall_all_scans_are_full_turns():
+    assert turns_in_a_hall(8.5) == [360, 360, 360]
+
+
+def test_without_ring_scans_in_the_open_all_scans_are_full_turns():
+    assert turns_in_a_hall(0.0, ring_in_the_open=False) == [360, 360, 360]
+
+
 def test_a_long_way_is_driven_in_legs():
     robot, explorer = driven_down(4.5)
     leg = CONFIG.planning.leg_m

@@ -163,6 +163,16 @@ DEPARTURES: tuple[Departure, ...] = (
         "not say which way it turns.",
         in_literal=True,
     ),
+    Departure(
+        "ring-in-the-open",
+        "ring_in_the_open",
+        False,
+        "IV",
+        "In the middle of a hall, where the last scan heard nothing and no wall is known to be near, the next one is a "
+        "ring scan: the robot turns by 70 degrees instead of 360, and its heading goes off by a fifth. The paper's "
+        "rooms have no such place.",
+        in_literal=True,
+    ),
 )
 
 
