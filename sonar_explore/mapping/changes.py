@@ -12,8 +12,8 @@ Spans = NDArray[np.int32]
 before the first where there are none. In stripes, for on a large map some changes lie near the robot and some far off,
 and what is between is no affair of either."""
 
-STRIPE = 128
 _SHIFT = 7
+STRIPE = 1 << _SHIFT
 _NO_COLUMN = 2**30
 
 
@@ -49,8 +49,13 @@ def may_differ(words, others, first, count):  # type: ignore[no-untyped-def]
 def no_spans(shape: tuple[int, ...]) -> Spans:
     """Nothing of any row; to be widened."""
     spans = np.empty((shape[0], (shape[1] + STRIPE - 1) >> _SHIFT, 2), dtype=np.int32)
-    spans[:] = _NO_COLUMN, -1
+    forget(spans)
     return spans
+
+
+def forget(spans: Spans) -> None:
+    """Nothing of any row any more."""
+    spans[:] = _NO_COLUMN, -1
 
 
 def whole_spans(shape: tuple[int, ...]) -> Spans:

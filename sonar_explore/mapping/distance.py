@@ -16,6 +16,7 @@ from sonar_explore.geometry import Array
 from sonar_explore.mapping.changes import (
     Spans,
     as_words,
+    forget,
     may_differ,
     moved_spans,
     no_spans,
@@ -143,8 +144,8 @@ class Watch:
 
     def take(self) -> Spans:
         """Those, and none from now on."""
-        spans, self._spans = self._spans, self._spans.copy()
-        self._spans[..., 0], self._spans[..., 1] = 2**30, -1
+        spans, self._spans = self._spans, np.empty_like(self._spans)
+        forget(self._spans)
         return spans
 
 

@@ -19,10 +19,8 @@ NEAREST_M = 0.15  # the dead zone
 FARTHEST_M = 2.5  # farther off, rooms are left out for walls heard amiss
 LINE_M = 0.03  # feet this near to one line,
 TURN_RAD = math.radians(12.0)  # under axes this alike, are of one wall
-BESIDE_M = (
-    0.17,
-    0.40,
-)  # of an echo inside a wall, another lies so far to either side: those of one edge spread less
+# of an echo inside a wall, another lies so far to either side: those of one edge spread less
+BESIDE_M = (0.17, 0.40)
 JOINED_M = 0.25  # feet this near along the wall leave no gap
 HALF_LENGTH_M = 0.10  # of the piece of wall that an echo is sure of
 

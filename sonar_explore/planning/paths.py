@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from sonar_explore.compiled import kernel
+from sonar_explore.errors import SonarExploreError
 from sonar_explore.geometry import Array
 from sonar_explore.mapping.distance import Distances
 from sonar_explore.mapping.grid import OCCUPIED, Cells, GridFrame, Mask, grown, place_in
-from sonar_explore.mapping.occupancy import DistancesTo, OccupancyGrid
+from sonar_explore.mapping.occupancy import FELT_M, DistancesTo, OccupancyGrid
 from sonar_explore.mapping.regions import WithoutHoles
 from sonar_explore.planning.cheapest import Search, Window, cheapest_way, most_entries, window_of
 from sonar_explore.planning.polyline import fewer_corners
@@ -51,6 +52,12 @@ class PlanningConfig:
     """And gaps that the map draws too narrow are tried: the ring of eight knows better there, [m]."""
     escape_m: float = 0.30
     """A start without room may be left over any cells but walls, within this distance of it, [m]."""
+
+    def __post_init__(self) -> None:
+        if self.blind_m > FELT_M:
+            raise SonarExploreError(
+                f"planning.blind_m is {self.blind_m:g}; at most {FELT_M:g} is possible: no farther walls are looked for"
+            )
 
 
 class SafePaths:

@@ -10,6 +10,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
+from sonar_explore.errors import SonarExploreError
 from sonar_explore.mapping.grid import FREE, OCCUPIED, UNKNOWN, GridFrame
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.planning.paths import (
@@ -290,3 +291,8 @@ def test_where_the_body_has_been_leads_through_what_is_drawn_there_and_nothing_e
         assert (
             len(shut) and max(np.hypot(*(way - place).T).min() for place in shut) <= 1.5 * FRAME.resolution_m
         )
+
+
+def test_walls_cannot_be_taken_to_be_heard_from_farther_off_than_they_are_looked_for():
+    with pytest.raises(SonarExploreError, match=r"blind_m is 2\.5; at most 2"):
+        PlanningConfig(blind_m=2.5)
