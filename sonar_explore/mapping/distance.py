@@ -165,7 +165,7 @@ def _renew(before, to, words_before, words, down, squares, out, less, cell_m, fa
                 if before[r, c] != to[r, c]:
                     first[c], last[c] = min(first[c], r), r
     work, above = np.empty((3, _BLOCK), dtype=np.int32), np.empty((rows, _BLOCK), dtype=np.int32)
-    begin = 0
+    begin = np.int64(0)  # not a constant, for which what it calls would be compiled once more
     while begin < columns:  # what changed down the columns, into the spans
         if last[begin] < 0:
             begin += 1

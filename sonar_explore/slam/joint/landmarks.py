@@ -213,7 +213,8 @@ def best_pairs(expected, innovation, pairs, unmatched, most_steps, chosen):  # t
     factor, rest = np.empty((2 * levels, 2 * levels)), np.empty(2 * levels)
     pick, rank = np.empty(levels, dtype=np.int64), np.zeros(levels + 1, dtype=np.int64)
     rows, cost = np.empty(2 * levels, dtype=np.int64), np.zeros(levels + 1)
-    best, level, steps = np.inf, 0, 0
+    best, steps = np.inf, 0
+    level = np.int64(0)  # not a constant, for which `_taken` would be compiled once more
     pick[0] = first[0] - 1
     while level >= 0 and steps < most_steps:
         steps += 1
