@@ -48,6 +48,8 @@ class ChainSlam:
         self._placed: Pose | None = None
         self._smear = 0.0
         """The error of the turn of the last scan that its features are already free of."""
+        self._turn_rad = 0.0
+        """The full turn of the last scan, signed, by its odometry."""
         self._turn_heard: TurnError | None = None
         self._points: tuple[Point, ...] = ()
         """Of the last scan, as far as the error of its turn was known before it."""
@@ -132,8 +134,8 @@ class ChainSlam:
         self, predicted: Pose, scan: Scan, extraction: Extraction
     ) -> tuple[Pose, tuple[Feature, ...]]:
         """Where the scan began, and its features, in the light of what they say of the turn itself."""
-        self._turn_heard = extraction.turn
-        self._filter.begin_scan(turn_of(scan))
+        self._turn_heard, self._turn_rad = extraction.turn, turn_of(scan)
+        self._filter.begin_scan(self._turn_rad)
         if extraction.turn is None or not self.config.odometry.enabled:
             return predicted, extraction.features()
         predicted, error = self._learn_turn(predicted, extraction.turn)

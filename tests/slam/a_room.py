@@ -84,7 +84,7 @@ def all_pillars_heard(split=0):
     out = smoother(poses, motions, np.random.default_rng(0))
     for i, p in enumerate(poses):
         for s in pillars_seen(i, p):
-            out.add_point(replace(s, what=s.what + split * (i > len(poses) // 2)))
+            out.add_point(s._replace(what=s.what + split * (i > len(poses) // 2)))
     for _ in range(4):
         out.solve()
     return out

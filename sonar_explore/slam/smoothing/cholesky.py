@@ -187,10 +187,15 @@ def solved(order, dims, layout, struct, factor, forward, x):  # type: ignore[no-
 
 @lean_kernel
 def covariances(variables, by, other, by_other, rank, parent, dims, layout, struct, factor, half, out):  # type: ignore[no-untyped-def]
-    """A' (L L')^-1 A = |L^-1 A|^2: L^-1 A has something only where the tree leads from the two variables."""
+    """A' (L L')^-1 A = |L^-1 A|^2: L^-1 A has something only where the tree leads from the two variables.
+
+    Nothing is said of a variable less than zero.
+    """
     columns = half.shape[2]
     for k in range(len(variables)):
         v, w = variables[k], other
+        if v < 0:
+            continue
         for i in range(4):
             for c in range(columns):
                 half[v, i, c] += by[k, i, c]

@@ -6,7 +6,6 @@ Every measurement is a factor of one variable or two, and of the constants of th
 from __future__ import annotations
 
 import enum
-import math
 from collections.abc import Sequence
 from copy import copy
 from typing import TypeVar
@@ -18,6 +17,8 @@ from sonar_explore.geometry import Array
 
 CONSTANTS = 0
 """The variable that every factor is tied to: turn error, bend [rad/m] and scale of the ranges."""
+NO_LIMITS: Array = np.full(4, np.inf)
+"""Of a variable that may be as far from its anchor as it likes."""
 
 
 T = TypeVar("T", bound=np.generic)
@@ -113,15 +114,14 @@ class FactorGraph:
         """And its residuals, at the anchors, shape (factors, 3)."""
         return self._off[: self.factors]
 
-    def add_variable(self, *values: float, limits: Sequence[float] = ()) -> int:
-        """First guess of a new one, and its `limits`, infinite where there are none; its number."""
+    def add_variable(self, *values: float, limits: Array = NO_LIMITS) -> int:
+        """First guess of a new one, and its `limits`, shape (4,); its number."""
         k = self.variables
         if k == len(self._dims):
             for name in ("_values", "_anchors", "_limits", "_dims"):
                 setattr(self, name, doubled(getattr(self, name)))
-        self._values[k, : len(values)] = self._anchors[k, : len(values)] = values
-        self._limits[k], self._dims[k] = math.inf, len(values)
-        self._limits[k, : len(limits)] = limits
+        self._values[k, : len(values)] = values
+        self._anchors[k], self._limits[k], self._dims[k] = self._values[k], limits, len(values)
         self.variables += 1
         return k
 
@@ -131,7 +131,9 @@ class FactorGraph:
         if k == len(self._kinds):
             for name in ("_kinds", "_ends", "_measured", "_rows", "_off"):
                 setattr(self, name, doubled(getattr(self, name)))
-        self._kinds[k], self._ends[k], self._measured[k, : len(measured)] = kind, (first, second), measured
+        self._kinds[k], self._ends[k, 0], self._ends[k, 1] = kind, first, second
+        if measured:
+            self._measured[k, : len(measured)] = measured
         self.factors += 1
         return k
 

@@ -9,13 +9,18 @@ uncertainty of the pose as prior.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.compiled import inner_kernel, kernel, lean_kernel
-from sonar_explore.geometry import Array
+from sonar_explore.compiled import inner_allocating_kernel, inner_kernel, kernel
+from sonar_explore.geometry import Array, Pose
+from sonar_explore.slam.smoothing.known_points import KIND
+from sonar_explore.slam.smoothing.relative import near_points
+from sonar_explore.slam.smoothing.smoothing import Smoother
+from sonar_explore.slam.turn.points import Point
 
 
 @dataclass(frozen=True)
@@ -34,39 +39,86 @@ class MatchingConfig:
     """Two points and the two that they are have distances that differ by no more, [m]."""
 
 
-def matched(
-    here: Array,
-    about: Array,
+def met_again(
+    points: Sequence[Point],
+    pose: Pose,
+    turn_error: float,
     prior: Array,
-    known: Array,
-    spread: Array,
+    smoother: Smoother,
+    known: tuple[NDArray[np.int64], Array],
     config: MatchingConfig,
-    alike: NDArray[np.bool_] | None = None,
-) -> NDArray[np.intp]:
-    """For each point of a scan the index of the known one that it is, -1 for a new one; shape (n,).
+) -> list[int]:
+    """For each point of a scan the number of the known one that it is, -1 for a new one.
 
     Args:
-        here: where the points are, by the pose believed, shape (n, 2), map frame, [m].
-        about: x y of that pose, shape (2,), [m].
-        prior: covariance of x, y [m] and heading [rad] of that pose, shape (3, 3).
-        known: places of the known points, shape (m, 2), [m].
-        spread: how unsure each of these is, seen from the scan before, variance in each direction, shape (m,), [m2].
-        alike: which points may be which of the known ones at all, shape (n, m); None for any.
+        pose: believed.
+        turn_error: by how much more the robot turned than the points know of, relative.
+        prior: covariance of x, y [m] and heading [rad] of that pose, in the first rows and columns.
+        known: numbers and places of the smoother's points.
     """
-    out = np.full(len(here), -1)
-    if alike is None:
-        alike = np.ones((len(here), len(known)), dtype=bool)
-    information = np.empty((3, 3))
-    inverted(prior, 1e-8, information)
-    limits = config.reach_m, config.apart_m, config.unmatched
-    _match(here - about, known - about, alike, spread + config.place_m**2, information, *limits, out)
-    return out
+    out, heard = np.full(len(points), -1), [(*p.seen_from(pose, turn_error), p.kind) for p in points]
+    limits = config.reach_m, config.apart_m, config.unmatched, config.sure_m**2, config.place_m**2
+    about, rows = (pose.x, pose.y), smoother.known_points.rows
+    _meet(np.array(heard), about, prior, *known, rows, *smoother.solved[1:], limits, out)
+    numbers: list[int] = out.tolist()
+    return numbers
 
 
 @kernel
-def _match(here, known, alike, variance, information, reach, apart, unmatched, out):  # type: ignore[no-untyped-def]
+def _meet(  # type: ignore[no-untyped-def]
+    heard,
+    about,
+    prior,
+    numbers,
+    places,
+    rows,
+    last,
+    values,
+    rank,
+    parent,
+    dims,
+    layout,
+    struct,
+    factor,
+    limits,
+    out,
+):
+    """`met_again`: x, y [m] and kind of each point `heard`, and of the known ones those that are near and sure."""
+    n, near = len(heard), np.empty(len(numbers), dtype=np.int64)
+    spread = near_points(
+        *(heard, limits[0], numbers, places, rows, last, values, rank, parent, dims, layout, struct, factor),
+        near,
+    )
+    m = len(spread)
+    here, known = np.empty((n, 2)), np.empty((m, 2))
+    alike, found = np.empty((n, m), dtype=np.bool_), np.full(n, -1)
+    for i in range(n):
+        here[i, 0], here[i, 1] = heard[i, 0] - about[0], heard[i, 1] - about[1]
+        for j in range(m):
+            alike[i, j] = heard[i, 2] == rows[numbers[near[j]], KIND] and spread[j] <= limits[3]
+    for j in range(m):
+        known[j, 0], known[j, 1] = places[near[j], 0] - about[0], places[near[j], 1] - about[1]
+        spread[j] += limits[4]
+    match(here, known, alike, spread, prior, limits, found)
+    for i in range(n):
+        if found[i] >= 0:
+            out[i] = numbers[near[found[i]]]
+
+
+@inner_allocating_kernel
+def match(here, known, alike, variance, prior, limits, out):  # type: ignore[no-untyped-def]
     """Of all moves that put one point, or two, on known ones, and of none, the cheapest; by it each point and a known
-    one that are nearest to one another are the same."""
+    one that are nearest to one another are the same: its index into `out`.
+
+    Args:
+        here: where the points are, by the pose believed, from there, shape (n, 2), map frame, [m].
+        known: places of the known points likewise, shape (m, 2), [m].
+        alike: which points may be which of the known ones at all, shape (n, m).
+        variance: of a point heard where each of these is, in each direction, shape (m,), [m2].
+        prior: covariance of x, y [m] and heading [rad] of the pose.
+        limits: reach [m], how far distances of two may differ [m], what a point costs that is none of these.
+    """
+    reach, apart, unmatched = limits[0], limits[1], limits[2]
     n, m = alike.shape
     rows, columns, count = np.empty(n * m, dtype=np.int64), np.empty(n * m, dtype=np.int64), 0
     for i in range(n):
@@ -76,6 +128,8 @@ def _match(here, known, alike, variance, information, reach, apart, unmatched, o
                 count += 1
     if count == 0:
         return
+    information = np.empty((3, 3))
+    inverted(prior, 1e-8, information)
     problem = (here, known, alike, variance, information, unmatched)
     x = y = turn = 0.0
     best = _cost(*problem, 0.0, 0.0, 0.0, np.inf)
@@ -114,7 +168,7 @@ def _match(here, known, alike, variance, information, reach, apart, unmatched, o
                     out[i] = -1
 
 
-@lean_kernel
+@inner_kernel
 def inverted(a, more, out):  # type: ignore[no-untyped-def]
     """Of a symmetric matrix of three rows with this much more on its diagonal, the inverse."""
     p, q, r = a[0, 0] + more, a[1, 1] + more, a[2, 2] + more

@@ -6,9 +6,12 @@ import math
 
 import numpy as np
 
-from sonar_explore.compiled import kernel
+from sonar_explore.compiled import inner_allocating_kernel, kernel
 from sonar_explore.slam.smoothing.cholesky import covariances
 from sonar_explore.slam.smoothing.known_points import BOUND, STATE, VARIABLE
+
+UNKNOWN = -1
+"""In the place of a line's variable: it has none yet, and no covariance."""
 
 
 @kernel
@@ -16,7 +19,7 @@ def line_covariances(lines, normals, x, y, last, values, rank, parent, dims, lay
     """Of the robot's heading and of its place along each normal, relative to each line, into `out`, shape (n, 2, 2).
 
     Args:
-        lines: variables of the lines, shape (n,).
+        lines: variables of the lines, shape (n,), or `UNKNOWN`.
         normals: of the lines, to the side on which the place counts as ahead, shape (n, 2).
         x: where the robot is now, [m], taken as known relative to the last scan.
         y: likewise.
@@ -73,7 +76,7 @@ def pose_covariance(scan, last, values, rank, parent, dims, layout, struct, fact
     covariances(variables, by_here, last, by_last, rank, parent, dims, layout, struct, factor, half, out)
 
 
-@kernel
+@inner_allocating_kernel
 def near_points(  # type: ignore[no-untyped-def]
     here, reach, numbers, places, rows, last, values, rank, parent, dims, layout, struct, factor, out
 ):

@@ -18,10 +18,9 @@ from sonar_explore.slam.dual import surviving
 from sonar_explore.slam.features import Feature
 from sonar_explore.slam.motion import MotionSum, RandomWalk
 from sonar_explore.slam.residuals import Residuals
-from sonar_explore.slam.slam import ChainSlam, turn_of
-from sonar_explore.slam.smoothing.known_points import KIND
+from sonar_explore.slam.slam import ChainSlam
 from sonar_explore.slam.smoothing.loop_closing import closed, may_close, settles, visits
-from sonar_explore.slam.smoothing.point_matching import matched
+from sonar_explore.slam.smoothing.point_matching import met_again
 from sonar_explore.slam.smoothing.smoothing import Smoother
 from sonar_explore.slam.turn.discs import TurnError
 from sonar_explore.slam.turn.points import Point
@@ -84,7 +83,7 @@ class SmoothedSlam(ChainSlam):
         turn = self._turn_heard
         heard = TurnError(turn.relative + known, turn.sigma) if turn else None
         self._smoother.add_scan(update.pose, self._motion.total if update.index else None, heard)
-        self._motion.clear(turn_of(scan))
+        self._motion.clear(self._turn_rad)
         for merge in update.merges:
             self._smoother.merge(merge.survivor, merge.absorbed)
         for i, chain in self._seen(update):
@@ -109,18 +108,9 @@ class SmoothedSlam(ChainSlam):
         out = list(range(first, first + len(points)))
         if not points or not first:
             return out
-        config, (numbers, places) = self.config.matching, self._points_known
-        here = np.array([p.seen_from(pose, turn_error) for p in points])
-        rows, variance = self._smoother.near(here, config.reach_m, self._points_known)
-        if not len(rows):
-            return out
-        numbers, places = numbers[rows], places[rows]
-        kinds = np.array([point.kind for point in points])
-        alike = kinds[:, None] == self._smoother.known_points.rows[numbers, KIND]
-        alike &= variance <= config.sure_m**2
-        prior = self._filter.covariance[:3, :3]
-        found = matched(here, np.array([pose.x, pose.y]), prior, places, variance, config, alike)
-        return [int(numbers[j]) if j >= 0 else new for j, new in zip(found, out, strict=True)]
+        prior, config = self._filter.covariance, self.config.matching
+        found = met_again(points, pose, turn_error, prior, self._smoother, self._points_known, config)
+        return [number if number >= 0 else new for number, new in zip(found, out, strict=True)]
 
     def _close_loops(self) -> None:
         """Where what was heard of late is what was heard long ago, put the two together."""
@@ -151,18 +141,18 @@ class SmoothedSlam(ChainSlam):
 
     def _move_everything(self) -> None:
         """Scans and chains to where they are by the solution, but for those that have hardly moved since they were."""
-        config, poses = self.config.smoothing, self._smoother.poses
-        if len(poses) > len(self._where):
+        config, n = self.config.smoothing, len(self._entries)
+        if n > len(self._where):
             self._where = np.concatenate([self._where, np.full_like(self._where, np.inf)])
             self._moved = np.concatenate([self._moved, np.zeros_like(self._moved)])
-        scans, still = (
-            np.empty(len(poses), dtype=np.intp),
-            (config.settled_m, config.settled_m, config.settled_rad),
-        )
-        scans = scans[: _settle(poses, still, self._where, self._moved, scans)]
-        self._stale |= len(scans) > 0
-        self.chains.place(scans, poses[scans])
-        self.pose = self._pose_of(len(poses) - 1)
+        variables, _, values, *_ = self._smoother.solved
+        scans, poses = np.empty(n, dtype=np.intp), np.empty((n, 3))
+        still = config.settled_m, config.settled_m, config.settled_rad
+        count = _settle(variables, values, still, self._where, self._moved, scans, poses)
+        if count:
+            self._stale = True
+            self.chains.place(scans[:count], poses[:count])
+        self.pose = self._pose_of(n - 1)
         turn_error, bend, _ = self._smoother.constants.tolist()
         self._filter.restart(turn_error, bend, self._smoother.own_error)
 
@@ -197,13 +187,15 @@ class SmoothedSlam(ChainSlam):
 
 
 @lean_kernel
-def _settle(poses, still, where, moved, scans):  # type: ignore[no-untyped-def]
-    """Scans farther from where they were placed than what is `still` are there now; which, and how many."""
+def _settle(variables, values, still, where, moved, scans, poses):  # type: ignore[no-untyped-def]
+    """Scans farther from where they were placed than what is `still` are there now: which, and where; how many."""
     count = 0
-    for k in range(len(poses)):
+    for k in range(len(variables)):
+        pose = values[variables[k]]
         for i in range(3):
-            if abs(poses[k, i] - where[k, i]) > still[i]:
-                where[k, 0], where[k, 1], where[k, 2] = poses[k, 0], poses[k, 1], poses[k, 2]
+            if abs(pose[i] - where[k, i]) > still[i]:
+                for j in range(3):
+                    where[k, j] = poses[count, j] = pose[j]
                 moved[k], scans[count] = True, k
                 count += 1
                 break

@@ -27,14 +27,10 @@ from sonar_explore.geometry import Array, Pose
 from sonar_explore.slam.motion import Motion, told_by_odometry
 from sonar_explore.slam.smoothing.descent import descended
 from sonar_explore.slam.smoothing.elimination import Elimination, Tree
-from sonar_explore.slam.smoothing.factor_graph import CONSTANTS, FactorGraph, FactorKind
+from sonar_explore.slam.smoothing.factor_graph import CONSTANTS, FactorGraph, FactorKind, doubled
 from sonar_explore.slam.smoothing.jacobian import losses
 from sonar_explore.slam.smoothing.known_points import NONE, ONCE, KnownPoints
-from sonar_explore.slam.smoothing.relative import (
-    line_covariances,
-    near_points,
-    pose_covariance,
-)
+from sonar_explore.slam.smoothing.relative import UNKNOWN, line_covariances, pose_covariance
 from sonar_explore.slam.turn.discs import TurnError
 from sonar_explore.slam.turn.sighting import Sighting
 
@@ -88,10 +84,16 @@ class Smoother:
         self._config = config
         self._start = start
         self._graph = FactorGraph()
-        self._graph.add_variable(0.0, 0.0, 0.0, limits=(config.anchored_scale,) * 3)
+        limits = np.full((4, 4), np.inf)
+        limits[0, :3], limits[1, :3] = config.anchored_scale, (*[config.anchored_m] * 2, config.anchored_rad)
+        limits[2, 0], limits[3, :2] = config.anchored_rad, config.anchored_m
+        constant_limits, self._pose_limits, self._line_limits, self._point_limits = limits
+        self._graph.add_variable(0.0, 0.0, 0.0, limits=constant_limits)
         self._constant_sigmas = (*wheel_sigmas, config.range_scale)
-        self._scans: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
-        """The variable of each scan's pose."""
+        self._poses: NDArray[np.int64] = np.zeros(64, dtype=np.int64)
+        """The variable of each scan's pose, as far as there are scans,"""
+        self._count = 0
+        """and how many there are."""
         self._last_solved = -1
         """That of the last one that was solved."""
         self._chains: dict[int, int] = {}
@@ -110,6 +112,11 @@ class Smoother:
         """How many factors."""
 
     @property
+    def _scans(self) -> NDArray[np.int64]:
+        """The variable of each scan's pose."""
+        return self._poses[: self._count]
+
+    @property
     def poses(self) -> Array:
         """x, y [m], heading [rad] of every scan, shape (n, 3)."""
         return self._graph.values[self._scans, :3]
@@ -122,7 +129,7 @@ class Smoother:
     @property
     def own_error(self) -> float:
         """The same of the last scan's turn."""
-        return float(self._graph.values[self._scans[-1], 3])
+        return float(self._graph.values[self._poses[self._count - 1], 3])
 
     @property
     def constants(self) -> Array:
@@ -153,43 +160,46 @@ class Smoother:
         """
         graph = self._graph
         config = self._config
-        limits = config.anchored_m, config.anchored_m, config.anchored_rad
-        here = graph.add_variable(pose.x, pose.y, pose.heading, 0.0, limits=limits)
-        if not len(self._scans):
+        here = graph.add_variable(pose.x, pose.y, pose.heading, 0.0, limits=self._pose_limits)
+        if not self._count:
             start = self._start
             graph.add_factor(FactorKind.START, here, -1, (start.x, start.y, start.heading))
             graph.add_factor(FactorKind.ROBOT, here, -1, [1.0 / sigma for sigma in self._constant_sigmas])
         heard = (turn.relative, 1.0 / turn.sigma) if turn else (0.0, 0.0)
         graph.add_factor(FactorKind.TURN, here, -1, (math.tau / config.turn_rad, *heard))
         if motion is not None:
-            factor = graph.add_factor(FactorKind.ODOMETRY, int(self._scans[-1]), here, ())
+            before = int(self._poses[self._count - 1])
+            factor = graph.add_factor(FactorKind.ODOMETRY, before, here, ())
             told_by_odometry(*motion.as_arrays(), graph.measured[factor])
-        self._scans = np.append(self._scans, here)
+        if self._count == len(self._poses):
+            self._poses = doubled(self._poses)
+        self._poses[self._count] = here
+        self._count += 1
 
     def add_sighting(self, sighting: Sighting) -> None:
         """A wall on a chain; the first one of a chain makes its line."""
         if sighting.what not in self._chains:
             angle = self._direction(sighting)
-            x, y, _, _ = self._graph.values[self._scans[sighting.scan]].tolist()
+            x, y, _, _ = self._graph.values[self._poses[sighting.scan]].tolist()
             distance = x * math.cos(angle) + y * math.sin(angle) + sighting.range_m
-            limits = (self._config.anchored_rad,)
-            self._chains[sighting.what] = self._graph.add_variable(angle, distance, limits=limits)
+            self._chains[sighting.what] = self._graph.add_variable(angle, distance, limits=self._line_limits)
         config = self._config
         sigma = math.sqrt(config.bearing_rad**2 / sighting.discs + config.bearing_least_rad**2)
         heard = sighting.bearing_rad, sighting.sweep_rad, sighting.range_m, 1.0 / sigma, 1.0 / config.range_m
         line = self._chains[sighting.what]
-        self._graph.add_factor(FactorKind.LINE, self._scans[sighting.scan], line, heard)
+        self._graph.add_factor(FactorKind.LINE, self._poses[sighting.scan], line, heard)
 
     def add_point(self, sighting: Sighting) -> None:
         """A point; from the second scan that hears it on it is in the problem."""
         points, number = self.known_points, sighting.what
-        if points.state(number) == NONE:
-            points.first_heard(sighting, self._scans[sighting.scan])
+        state = points.state(number)
+        if state == NONE:
+            points.first_heard(sighting, self._poses[sighting.scan])
             return
         points.heard_again(number, sighting.scan)
-        if points.state(number) == ONCE:
+        if state == ONCE:
             self._bind(number)
-        self._hear_point(number, self._scans[sighting.scan], points.as_heard(sighting))
+        self._hear_point(number, self._poses[sighting.scan], points.as_heard(sighting))
 
     def _bind(self, number: int) -> None:
         """A point that was heard once is in the problem from now on."""
@@ -199,12 +209,11 @@ class Smoother:
             points.variable(number),
             points.heard[number].tolist(),
         )
-        limits = (self._config.anchored_m,) * 2
         if first[3] > 0.0:
-            point = graph.add_variable(*place, first[3], limits=limits)
+            point = graph.add_variable(*place, first[3], limits=self._point_limits)
             self._widths[point] = graph.add_factor(FactorKind.RADIUS, point, -1, ()), 0, 0.0
         else:
-            point = graph.add_variable(*place, limits=limits)
+            point = graph.add_variable(*place, limits=self._point_limits)
         points.bind(number, point)
         self._hear_point(number, scan, first)
 
@@ -260,7 +269,8 @@ class Smoother:
         """Move poses, lines, points and the robot's constants to where everything agrees best."""
         graph, config, known = self._graph, self._config, self._known
         stale = np.zeros(graph.variables, dtype=bool)
-        stale[self._changed] = True
+        if self._changed:
+            stale[self._changed] = True
         touched = stale.copy()
         touched[self._solved :] = True
         touched[graph.ends[known:]] = True
@@ -277,7 +287,7 @@ class Smoother:
         self._changed.clear()
         self._far_off = False
         self._solved, self._known = graph.variables, graph.factors
-        self._last_solved = int(self._scans[-1])
+        self._last_solved = int(self._poses[self._count - 1])
 
     def misfit(self) -> float:
         """Of all walls and points as heard, as things stand: the sum of Cauchy's loss, in squared sigmas."""
@@ -288,7 +298,7 @@ class Smoother:
     def copy(self) -> Smoother:
         """As it is now, whatever is added to this one or merged in it."""
         out = copy(self)
-        for name in ("_graph", "_elimination", "known_points", "_scans", "_chains", "_widths", "_changed"):
+        for name in ("_graph", "_elimination", "known_points", "_poses", "_chains", "_widths", "_changed"):
             setattr(out, name, getattr(self, name).copy())
         return out
 
@@ -302,21 +312,19 @@ class Smoother:
             at: where the robot is now, taken as known relative to the last scan.
             normals: of the lines, shape (n, 2), to the side on which the place counts as ahead.
         """
-        known = [k for k, chain in enumerate(chains) if self._chains.get(chain, self._solved) < self._solved]
-        out = np.zeros((len(chains), 2, 2))
-        if not known:
-            return out
-        lines, found = np.array([self._chains[chains[k]] for k in known]), np.zeros((len(known), 2, 2))
-        values, tree = self._graph.values, self._elimination.tree
-        line_covariances(lines, normals[known], at.x, at.y, self._last_solved, values, *tree, found)
-        out[known] = found
+        out, solved = np.zeros((len(chains), 2, 2)), self._solved
+        lines = [self._chains.get(chain, solved) for chain in chains]
+        if lines and min(lines) < solved:
+            known = np.array([line if line < solved else UNKNOWN for line in lines])
+            values, tree = self._graph.values, self._elimination.tree
+            line_covariances(known, normals, at.x, at.y, self._last_solved, values, *tree, out)
         return out
 
     def drift(self, scan: int) -> Array:
         """How unsure the last pose is, seen from this scan: x, y [m], heading [rad], map frame, shape (3, 3)."""
         out = np.zeros((1, 3, 3))
         if self._solved:
-            here, last = self._scans[scan], self._last_solved
+            here, last = self._poses[scan], self._last_solved
             pose_covariance(here, last, self._graph.values, *self._elimination.tree, out)
         return out[0]
 
@@ -326,18 +334,8 @@ class Smoother:
         there is any, the values of all variables, and the tree of elimination."""
         return self._scans, self._last_solved, self._graph.values, *self._elimination.tree
 
-    def near(
-        self, here: Array, reach_m: float, known: tuple[NDArray[np.int64], Array]
-    ) -> tuple[NDArray[np.int64], Array]:
-        """Which of the points, as numbers and places, are in reach of any of these places, shape (n, 2), [m], and how
-        unsure each is, seen from the last scan: variance in any direction, [m2], shape (k,)."""
-        (numbers, places), solution = known, self.solved[1:]
-        rows = np.empty(len(numbers), dtype=np.int64)
-        found: Array = near_points(here, reach_m, numbers, places, self.known_points.rows, *solution, rows)
-        return rows[: len(found)], found
-
     def _direction(self, sighting: Sighting) -> float:
         """Of the normal or of the point, map frame, [rad]."""
-        _, _, heading, own = self._graph.values[self._scans[sighting.scan]].tolist()
+        _, _, heading, own = self._graph.values[self._poses[sighting.scan]].tolist()
         error = float(self._graph.values[CONSTANTS, 0]) + own
         return float(heading + sighting.bearing_rad + sighting.sweep_rad * error)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from sonar_explore.slam.features import Feature
 from sonar_explore.slam.turn.columns import PointKind
 from sonar_explore.slam.turn.points import Point
 
 
-@dataclass(frozen=True)
-class Sighting:
+class Sighting(NamedTuple):
     """A wall on a chain, or a point, as one scan heard it."""
 
     scan: int

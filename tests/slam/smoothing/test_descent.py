@@ -23,7 +23,7 @@ def growing(seed, off=(0.05, 0.05, 0.02), **config):
         out.add_scan(guess, noisy(motions[i - 1], rng) if i else None)
         for s in seen:
             if s.scan == i:
-                out.add_sighting(replace(s, range_m=s.range_m + rng.normal(0.0, 0.01)))
+                out.add_sighting(s._replace(range_m=s.range_m + rng.normal(0.0, 0.01)))
         for s in pillars_seen(i, p):
             out.add_point(s)
         yield out

@@ -2,7 +2,6 @@
 """Points hold the poses as walls do, once a second scan hears them; two that are one are put together."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -70,7 +69,7 @@ def test_two_numbers_of_one_column_become_one_and_say_together_what_one_would():
         for i, p in enumerate(poses):
             for s in pillars_seen(i, p):
                 number = s.what + 50 * (split and i > len(poses) // 2)
-                out.add_point(replace(s, what=number, range_m=s.range_m - 0.1, radius_m=0.08))
+                out.add_point(s._replace(what=number, range_m=s.range_m - 0.1, radius_m=0.08))
         for number in range(10, 14) if split else ():
             out.merge_points(number, number + 50)
         for _ in range(5):

@@ -2,15 +2,15 @@
 """How unsure lines, points and scans are said to be is how far off they are, drive after drive."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from a_room import START, WHEELS, all_pillars_heard, loop, noisy, pillars_seen, sightings, smoother
+from way_in import way_in
 
 from sonar_explore.geometry import Pose, wrap_angle
 from sonar_explore.slam.smoothing.known_points import BOUND, STATE, VARIABLE
-from sonar_explore.slam.smoothing.relative import point_covariances
+from sonar_explore.slam.smoothing.relative import near_points, point_covariances
 from sonar_explore.slam.smoothing.smoothing import Smoother, SmoothingConfig
 from sonar_explore.slam.turn.sighting import Sighting
 
@@ -42,7 +42,7 @@ def test_the_spread_of_a_point_is_that_of_what_many_noisy_drives_say(number):
             for s in pillars_seen(i, p):
                 bearing = s.bearing_rad + rng.normal(0, config.point_bearing_rad)
                 range_m = s.range_m + rng.normal(0, config.point_range_m)
-                out.add_point(replace(s, bearing_rad=bearing, range_m=range_m))
+                out.add_point(s._replace(bearing_rad=bearing, range_m=range_m))
         out.add_point(Sighting(4, 99, math.atan2(lonely[1], lonely[0]), 0.0, float(np.hypot(*lonely))))
         for _ in range(2):
             out.solve()
@@ -64,7 +64,10 @@ def test_points_in_reach_are_found_with_how_unsure_they_are_and_no_others():
     out.solve()
     for here in ([[x, y]], [[x + 1.0, y], [3.0, 1.0]], [[20.0, 0.0]]):
         numbers, places = out.points()
-        rows, variance = out.near(np.array(here), 1.1, (numbers, places))
+        rows = np.empty(len(numbers), dtype=np.int64)
+        near = np.array(here), 1.1, numbers, places, out.known_points.rows
+        variance = way_in(near_points)(*near, *out.solved[1:], rows)
+        rows = rows[: len(variance)]
         away = np.hypot(*(places[:, None] - np.array(here)[None]).transpose(2, 0, 1)).min(axis=1)
         assert rows.tolist() == np.flatnonzero(away <= 1.1).tolist()
         unsure = spread(out, numbers[rows], places[rows])
@@ -119,7 +122,7 @@ def test_the_covariance_of_a_chain_is_that_of_what_many_noisy_drives_say(seed):
             out.add_scan(p, noisy(motions[i - 1], rng) if i else None)
         for s in sightings(poses):
             bearing = rng.normal(s.bearing_rad, math.hypot(config.bearing_rad, config.bearing_least_rad))
-            out.add_sighting(replace(s, bearing_rad=bearing, range_m=rng.normal(s.range_m, config.range_m)))
+            out.add_sighting(s._replace(bearing_rad=bearing, range_m=rng.normal(s.range_m, config.range_m)))
         out.solve()
         (x, y, heading), (angle, distance) = out.poses[-1], out.line(1)
         there = Pose(x, y, heading) @ Pose(0.8, 0.3, 0.0)

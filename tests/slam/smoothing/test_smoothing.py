@@ -1,8 +1,6 @@
 # mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """Everything measured, solved at once: exact measurements give the truth, false ones do little harm."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from a_room import START, WHEELS, all_pillars_heard, loop, off_by, sightings, smoother
@@ -40,7 +38,7 @@ def test_the_scale_of_the_ranges_is_learned_from_walls_near_and_far_more_with_ev
         for i, p in enumerate(poses):
             out.add_scan(p, motions[i - 1] if i else None)
         for s in sightings(poses):
-            out.add_sighting(replace(s, range_m=s.range_m / (1.0 + scale)))
+            out.add_sighting(s._replace(range_m=s.range_m / (1.0 + scale)))
         for _ in range(5):
             out.solve()
         found.append(out.constants[2] / scale)

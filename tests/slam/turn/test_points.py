@@ -9,13 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_agreement import plain_echoes
+from way_in import way_in
 
 from sonar_explore.envs.odometry import noise_preset
 from sonar_explore.envs.simulator import Simulator, SimulatorConfig
 from sonar_explore.envs.world import World
 from sonar_explore.geometry import Pose
 from sonar_explore.slam import SlamConfig
-from sonar_explore.slam.smoothing.point_matching import MatchingConfig, matched
+from sonar_explore.slam.smoothing.point_matching import MatchingConfig, match
 from sonar_explore.slam.turn.discs import TurnError
 from sonar_explore.slam.turn.heard import heard_by_discs
 from sonar_explore.slam.turn.points import PointConfig, points_among
@@ -37,6 +38,15 @@ def scan_at(x, y, heading=0.3, walls=DOOR, seed=0, direction=1):
 def heard_points(scan, sums=None):
     in_front = heard_by_discs(scan, FEATURES, CONFIG).in_front
     return points_among(in_front, FEATURES.beam, CONFIG, np.zeros(2) if sums is None else sums)
+
+
+def matched(here, about, prior, known, spread, config, alike=None):
+    """For each point of a scan the index of the known one that it is, -1 for a new one; shape (n,)."""
+    out = np.full(len(here), -1)
+    alike = np.ones((len(here), len(known)), dtype=bool) if alike is None else alike
+    limits = config.reach_m, config.apart_m, config.unmatched
+    way_in(match)(here - about, known - about, alike, spread + config.place_m**2, prior, limits, out)
+    return out
 
 
 def places(pose, scan):
