@@ -47,12 +47,12 @@ class Pose:
 
     def __matmul__(self, other: Pose) -> Pose:
         """Compose: `pose_a_in_b @ pose_c_in_a` is `pose_c_in_b`."""
+        return Pose(*self.place_of(other), self.heading + other.heading)
+
+    def place_of(self, other: Pose) -> tuple[float, float]:
+        """x y of `self @ other`, [m]."""
         c, s = math.cos(self.heading), math.sin(self.heading)
-        return Pose(
-            self.x + c * other.x - s * other.y,
-            self.y + s * other.x + c * other.y,
-            self.heading + other.heading,
-        )
+        return self.x + c * other.x - s * other.y, self.y + s * other.x + c * other.y
 
     def inverse(self) -> Pose:
         """`pose_a_in_b.inverse()` is `pose_b_in_a`."""

@@ -55,7 +55,7 @@ def no_spans(shape: tuple[int, ...]) -> Spans:
 
 def forget(spans: Spans) -> None:
     """Nothing of any row any more."""
-    spans[:] = _NO_COLUMN, -1
+    spans[..., 0], spans[..., 1] = _NO_COLUMN, -1
 
 
 def whole_spans(shape: tuple[int, ...]) -> Spans:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonar_explore.geometry import Array, Pose, wrap_angle
+from sonar_explore.mapping.grid import Mask
 from sonar_explore.mapping.looks import BINS, Look
 
 
@@ -55,7 +56,34 @@ class Rows:
 
 def others(new: Sequence[object], old: Sequence[object]) -> list[int]:
     """Where one is not the very one that was there before, as far as there was any."""
-    return [i for i, other in enumerate(map(operator.is_not, new, old)) if other]
+    found: list[int] = np.flatnonzero(np.fromiter(map(operator.is_not, new, old), dtype=bool)).tolist()
+    return found
+
+
+class Standing:
+    """Pieces of wall that stand with a scan each, map frame: placed anew where the scan is."""
+
+    def __init__(self) -> None:
+        self._by: list[Pose] = []
+        self._pieces: list[Array] = []
+        self._placed: Array = np.zeros((0, 4))
+
+    def at(self, poses: Sequence[Pose], pieces: Sequence[tuple[int, Array]]) -> Array:
+        """Where they stand, shape (n, 4), [m].
+
+        Args:
+            poses: of all scans.
+            pieces: index of the scan and ends in its frame, shape (1, 4), of each, [m].
+        """
+        by, own = [poses[scan] for scan, _ in pieces], [piece for _, piece in pieces]
+        known, before = len(self._by), self._placed
+        changed = {*others(by, self._by), *others(own, self._pieces), *range(known, len(by))}
+        self._placed = np.empty((len(by), 4))
+        self._placed[:known] = before[: len(by)]
+        for i in changed:
+            self._placed[i] = by[i].transform(own[i].reshape(-1, 2)).reshape(-1)
+        self._by, self._pieces = by, own
+        return self._placed
 
 
 class Evidence:
@@ -71,12 +99,17 @@ class Evidence:
         self._still_m, self._far_still_m, self._lever_m = still_m, far_still_m, lever_m
         self.waits = False
         """Whether scans that are far away stand elsewhere than they are placed."""
+        self.version = 0
+        """Counts what was placed anew."""
         self.poses: list[Pose] = []
         """Where the scans are placed."""
-        self._believed: list[Pose] = []
+        self._told: list[Pose] = []
+        """Where they are said to stand,"""
+        self._told_at: Array = np.empty((64, 3))
+        """and the same as rows, x y heading; there is room for more."""
         self._looks: list[Look] = []
-        self.believed_at = Rows(2)
-        """Where they were last believed to stand, x y."""
+        self._believed = Rows(3)
+        """Where they were believed to stand when somebody last asked whether they are to be placed anew."""
         self.at = Rows(3)
         """`poses`, x y heading."""
         self.clear_m, self.core_m, self.reach_m = Rows(BINS), Rows(BINS), Rows(1)
@@ -91,21 +124,39 @@ class Evidence:
             poses, looks: of all scans.
             fresh_m: scans farther than this from the last, [m], may wait until they have moved farther.
         """
-        known, told = len(self.poses), {*others(looks, self._looks)}
-        moved = [i for i in others(poses, self._believed) if i not in told]
-        waiting = self._may_wait(moved, poses, fresh_m) if moved and fresh_m < math.inf else ()
-        self.waits = any(waiting)
-        moved = [i for i, waits in zip(moved, waiting, strict=True) if not waits] if self.waits else moved
-        for i in [*sorted({*told, *moved}), *range(known, len(poses))]:
+        known, now = len(self.poses), self._as_rows(poses)
+        again = np.ones(len(poses), dtype=bool)  # new ones
+        again[:known] = (now[:known] != self._believed.all).any(axis=1)
+        told = others(looks, self._looks)
+        again[told] = False
+        moved = np.flatnonzero(again[:known])
+        waits = moved[self._may_wait(moved, now, fresh_m)]
+        self.waits, again[waits], again[told] = len(waits) > 0, False, True
+        for i in np.flatnonzero(again).tolist():
             self._put(i, poses[i], looks[i])
 
-    def _may_wait(self, scans: Sequence[int], poses: Sequence[Pose], fresh_m: float) -> list[bool]:
-        """Which of these scans, that moved, are far from the last one and have moved little."""
-        now, was = np.array([poses[i].as_row() for i in scans]), self.at.all[scans]
-        here = poses[-1].x, poses[-1].y
+    @property
+    def believed_at(self) -> Array:
+        """Where they were last believed to stand, x y, shape (scans, 2)."""
+        return self._believed.all[:, :2]
+
+    def _as_rows(self, poses: Sequence[Pose]) -> Array:
+        """x y heading of all scans: most are the very poses of the last time."""
+        known = len(self._told)
+        new = [*others(poses, self._told), *range(known, len(poses))]
+        while len(poses) > len(self._told_at):
+            self._told_at = np.concatenate([self._told_at, np.empty_like(self._told_at)])
+        if new:
+            self._told_at[new] = [poses[i].as_row() for i in new]
+        self._told = list(poses)
+        return self._told_at[: len(poses)]
+
+    def _may_wait(self, scans: NDArray[np.intp], now: Array, fresh_m: float) -> Mask:
+        """Which of these scans, that moved, are far from the last one and have moved little, shape (n,); `now`: where
+        all stand, shape (scans, 3)."""
+        here, now, was = now[-1, :2], now[scans], self.at.all[scans]
         nearest = np.minimum(np.hypot(*(now[:, :2] - here).T), np.hypot(*(was[:, :2] - here).T))
-        waits: list[bool] = ((nearest > fresh_m) & (self.moved_m(now, was) <= self._far_still_m)).tolist()
-        return waits
+        return np.asarray((nearest > fresh_m) & (self.moved_m(now, was) <= self._far_still_m))
 
     def moved_m(self, now: Array, was: Array) -> Array:
         """How far points of scans may have moved, that stand and stood here, x y [m] heading [rad], shape (n, 3)."""
@@ -114,12 +165,12 @@ class Evidence:
 
     def _put(self, scan: int, pose: Pose, look: Look) -> None:
         new = scan == len(self.poses) or look is not self._looks[scan]
-        self.believed_at.put(scan, np.array([[pose.x, pose.y]]))
-        self._believed[scan : scan + 1] = [pose]
+        self._believed.put(scan, np.array([pose.as_row()]))
         if scan < len(self.poses) and self._is_still(self.poses[scan], pose):
             if not new:
                 return
             pose = self.poses[scan]
+        self.version += 1
         self.poses[scan : scan + 1] = [pose]
         self.at.put(scan, np.array([pose.as_row()]))
         if new:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.mapping.cuts import cut_all_at_walls, in_reach
 from sonar_explore.mapping.distance import Distances
-from sonar_explore.mapping.evidence import Evidence
+from sonar_explore.mapping.evidence import Evidence, Standing
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States, place_in
 from sonar_explore.mapping.looks import Look, MappingConfig
 from sonar_explore.mapping.marks import Marks
@@ -156,6 +156,9 @@ class OccupancyMapper:
         self._reach = reach_m
         self._frame: GridFrame | None = None
         self._seen = Evidence(config.still_m, config.far_still_m, config.free_range_m)
+        self._obstacles = Standing()
+        self._told: tuple[tuple[int, bytes], _Walls] | None = None
+        """What evidence and obstacles it is of, and what is wall by them."""
         self._drawn = {False: _Drawn(), True: _Drawn()}
         """Believed and doubted: each goes on from where it was drawn last."""
         self.recent_points: Array = np.zeros((0, 2))
@@ -188,9 +191,8 @@ class OccupancyMapper:
         """
         cfg, seen, drawn = self._config, self._seen, self._drawn[doubtful]
         seen.place(poses, looks, fresh_m)
-        frame = self._covering(seen.believed_at.all)
-        stood = [seen.poses[i].transform(o.reshape(-1, 2)).reshape(-1, 4) for i, o in obstacles]
-        found = self._walls(np.vstack([np.zeros((0, 4)), *stood]), doubtful)
+        frame = self._covering(seen.believed_at)
+        found = self._walls(self._obstacles.at(seen.poses, obstacles), doubtful)
         barriers = np.vstack([found.walls, found.gaps, seen.bounds.all])
         drawn.sectors.resize(frame)
         last_trail = max(0, len(drawn.at) - 1)  # the one that may have grown since
@@ -214,11 +216,27 @@ class OccupancyMapper:
     @property
     def scan_positions(self) -> Array:
         """x y of the scans of the map drawn last, as they were believed then, shape (n, 2), map frame, [m]."""
-        return self._seen.believed_at.all.copy()
+        return self._seen.believed_at.copy()
 
     def _walls(self, obstacles: Array, doubtful: bool) -> _Walls:
         """What is wall, of all that was seen."""
+        cfg, told = self._config, self._told_walls(obstacles)
+        heard = told.walls[: told.fresh.stop]
+        if doubtful:
+            walls = np.concatenate([shortened(heard, cfg.sure_m), told.walls[len(heard) :]])
+            return replace(told, walls=walls)
+        feet = told.points[: np.count_nonzero(told.pivots)]
+        narrow = bridges(np.vstack([told.walls, np.hstack([feet, feet])]), 2.0 * self._body)
+        return replace(
+            told, gaps=np.vstack([narrow, continued(heard, told.points, cfg.on_line_m, cfg.goes_on_m)])
+        )
+
+    def _told_walls(self, obstacles: Array) -> _Walls:
+        """The same without gaps, each as far as it was heard: told once for both maps."""
         cfg, seen = self._config, self._seen
+        key = seen.version, obstacles.tobytes()
+        if self._told is not None and self._told[0] == key:
+            return self._told[1]
         walls, scans = seen.walls.all, len(seen.poses)
         scan = np.repeat(np.arange(scans), np.diff(seen.walls.first))
         pivots = pivot_points(walls, scan, cfg.pivot_m, cfg.pivot_turn_rad)
@@ -228,18 +246,11 @@ class OccupancyMapper:
         self.recent_points = np.concatenate(
             [feet[scan[pivots] >= recent], seen.points.all[seen.points.first[recent] :]]
         )
-        real = ~pivots
-        walls, scan = np.concatenate([walls[real], obstacles]), scan[real]
-        walls = trimmed(walls, points, cfg.trim_m)
-        if doubtful:
-            walls[: len(scan)] = shortened(walls[: len(scan)], cfg.sure_m)
+        walls, scan = np.concatenate([walls[~pivots], obstacles]), scan[~pivots]
         fresh = slice(int(np.searchsorted(scan, scans - cfg.fresh_scans)), len(scan))
-        gaps = np.zeros((0, 4))
-        if not doubtful:
-            narrow = bridges(np.vstack([walls, np.hstack([feet, feet])]), 2.0 * self._body)
-            heard = walls[: len(scan)]
-            gaps = np.vstack([narrow, continued(heard, points, cfg.on_line_m, cfg.goes_on_m)])
-        return _Walls(pivots, points, walls, fresh, gaps)
+        told = _Walls(pivots, points, trimmed(walls, points, cfg.trim_m), fresh, np.zeros((0, 4)))
+        self._told = key, told
+        return told
 
     def _mark(self, drawn: _Drawn, frame: GridFrame, found: _Walls, doubtful: bool, bounded: bool) -> Array:
         """Mark what is believed; the barriers that came or went, shape (k, 4), [m]."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from sonar_explore.compiled import inner_kernel, kernel
-from sonar_explore.geometry import Array
+from sonar_explore.geometry import Array, Segment
+from sonar_explore.mapping.evidence import others
 from sonar_explore.mapping.grid import OCCUPIED, Mask
 from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.slam.chains import Chain
@@ -36,36 +36,41 @@ class ChainSpans:
     def __init__(self) -> None:
         self._known: dict[int, tuple[Chain, tuple[float, ...]]] = {}
         self._chains: tuple[Chain, ...] = ()
-        self._rows = _as_rows((), [])
+        self._table: Array = np.zeros((0, 8))
+        self._rows = _as_rows((), self._table)
 
     def of(self, chains: Sequence[Chain]) -> ChainRows:
         """Not to be written to: they are those of before where no chain has changed."""
-        same = len(chains) == len(self._chains)
-        if not (same and all(map(operator.is_, chains, self._chains))):
-            rows = []
-            for chain in chains:
-                known = self._known.get(chain.id)
-                if known is None or known[0] is not chain:
-                    known = self._known[chain.id] = (chain, _row(chain))
-                rows.append(known[1])
-            self._chains, self._rows = tuple(chains), _as_rows(chains, rows)
+        before = len(self._chains)
+        changed = [*others(chains, self._chains), *range(before, len(chains))]
+        if changed or len(chains) < before:
+            table = np.empty((len(chains), 8))
+            table[:before] = self._table[: len(chains)]
+            if changed:
+                table[changed] = [self._row_of(chains[i]) for i in changed]
+            self._chains, self._table = tuple(chains), table
+            self._rows = _as_rows(chains, table)
         return self._rows
 
+    def _row_of(self, chain: Chain) -> tuple[float, ...]:
+        known = self._known.get(chain.id)
+        if known is None or known[0] is not chain:
+            known = self._known[chain.id] = (chain, _row(chain))
+        return known[1]
 
-def _as_rows(chains: Sequence[Chain], rows: list[tuple[float, ...]]) -> ChainRows:
-    table = np.array(rows, dtype=float).reshape(-1, 7)
-    dangling = np.array([chain.dangling for chain in chains], dtype=bool)
+
+def _as_rows(chains: Sequence[Chain], table: Array) -> ChainRows:
     spans, directions, certain = table[:, :5].copy(), table[:, 5].copy(), table[:, 6].copy()
-    return ChainRows([chain.id for chain in chains], spans, directions, certain, dangling)
+    return ChainRows([chain.id for chain in chains], spans, directions, certain, table[:, 7] > 0.0)
 
 
 def _row(chain: Chain) -> tuple[float, ...]:
-    direction = chain.root.segment.direction
+    direction = Segment(*chain.ends[chain.root_index].tolist()).direction
     c, s = math.cos(direction), math.sin(direction)
     ends = chain.ends.reshape(-1, 2)
     reach, across = (ends @ np.array([c, s])).tolist(), ends @ np.array([-s, c])
     span = c, s, float(across.sum()) / len(across), min(reach), max(reach)
-    return *span, direction, 0.0 if chain.dangling else chain.root_probability
+    return *span, direction, 0.0 if chain.dangling else chain.root_probability, float(chain.dangling)
 
 
 def expected_chains(

@@ -181,7 +181,7 @@ class Offers:
         for shut, gone in zip(self._shut, _apart(stops, (pose.x, pose.y)) > SHUT_NEAR_M, strict=True):
             shut.left |= bool(gone)
         left = np.array([shut.left for shut in self._shut])
-        twice = (_apart(places[:, None], places) <= self._config.candidates.apart_m).sum(axis=1) > 1
+        twice = _has_others(places, self._config.candidates.apart_m)
         aside = twice | ~left | (_apart(places, stops) <= SHUT_NEAR_M)
         return [(x, y) for x, y in places[aside].tolist()]
 
@@ -397,6 +397,14 @@ class Offers:
 def _apart(places: Array, others: ArrayLike) -> Array:
     """Distances between places x y, shape (..., 2) both, [m]."""
     return np.asarray(np.hypot(*np.moveaxis(places - np.asarray(others), -1, 0)))
+
+
+def _has_others(places: Array, within_m: float) -> NDArray[np.bool_]:
+    """Which places x y, shape (n, 2), have another one of them so near, shape (n,), [m]."""
+    x, y = places.T
+    i, j = np.nonzero((np.abs(x[:, None] - x) <= within_m) & (np.abs(y[:, None] - y) <= within_m))
+    near = _apart(places[i], places[j]) <= within_m
+    return np.bincount(i[near], minlength=len(places)) > 1
 
 
 def _scan_at(x: float, y: float, path: Array) -> Candidate:

@@ -17,7 +17,7 @@ from sonar_explore.mapping.looks import Look, look_of
 from sonar_explore.mapping.occupancy import OccupancyGrid, OccupancyMapper
 from sonar_explore.measurement import Scan
 from sonar_explore.planning.paths import SafePaths
-from sonar_explore.slam import Slam
+from sonar_explore.slam import ScanEntry, Slam
 from sonar_explore.slam.features import Feature
 
 Anchored = tuple[int, Pose]
@@ -52,6 +52,10 @@ class Surroundings:
         """By how far they look,"""
         self._searches: dict[tuple[bool, tuple[int, int], bool, bool], SafePaths] = {}
         """and as far as anybody has looked."""
+        self._scans: tuple[ScanEntry, ...] = ()
+        """Those of the map drawn last,"""
+        self._scan_poses: list[Pose] = []
+        """and their poses."""
         self._scan_positions: Array | None = None
         self._everywhere = False
         """Whether all scans are drawn where they are believed to stand, those far away among them."""
@@ -70,9 +74,8 @@ class Surroundings:
     def grid(self) -> OccupancyGrid:
         """The map; there from the first scan on. Drawn when somebody looks at it."""
         if self.doubtful not in self._grids:
-            poses = [*map(operator.attrgetter("pose"), self._slam.scans)]
             self._grids[self.doubtful] = self._mapper.draw(
-                poses,
+                self._poses(),
                 self._looks,
                 self._trails_so_far(),
                 self._obstacles,
@@ -143,8 +146,8 @@ class Surroundings:
 
     def placed(self, anchored: Sequence[Anchored]) -> list[tuple[float, float]]:
         """Where such places are by the poses now believed, x y, map frame, [m]."""
-        scans = self._slam.scans
-        return [(place.x, place.y) for place in (scans[i].pose @ at for i, at in anchored)]
+        scans = self._slam.scans if anchored else ()
+        return [scans[i].pose.place_of(at) for i, at in anchored]
 
     def swap_obstacles(self, obstacles: list[tuple[int, Array]]) -> list[tuple[int, Array]]:
         """Take these for what has shut the way so far; what was taken for it until now."""
@@ -254,6 +257,13 @@ class Surroundings:
 
     def _known_paths(self, pose: Pose) -> dict[float, SafePaths]:
         return self._plans.setdefault(self._plan_of(pose), {})
+
+    def _poses(self) -> list[Pose]:
+        """Of all scans, as now believed."""
+        if self._slam.scans is not self._scans:
+            self._scans = self._slam.scans
+            self._scan_poses = [*map(operator.attrgetter("pose"), self._scans)]
+        return self._scan_poses
 
     def _trails_so_far(self) -> list[Array]:
         if self._been:

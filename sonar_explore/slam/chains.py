@@ -221,7 +221,8 @@ class ChainMap:
         chain = self._chains[chain_id]
         placed = vars(chain).get("links", chain.placed)
         there = self._segments[self._rows[chain_id]]
-        self._chains[chain_id] = replace(chain, placed=placed, moved_to=there)
+        rest = chain.root_index, chain.root_probability, chain.dangling
+        self._chains[chain_id] = Chain(chain_id, placed, *rest, there)
         self._behind[chain_id] = False
 
     def _stack(self, link: Link, chain_id: int, index: int) -> None:

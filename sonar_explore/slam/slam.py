@@ -42,6 +42,8 @@ class ChainSlam:
         self.pose = start
         self.chains = ChainMap()
         self._entries: list[ScanEntry] = []
+        self._scans: tuple[ScanEntry, ...] | None = None
+        """The same as somebody saw them last, while they are as they were."""
         self._certainty: RootCertainty | None = None
         self._odometry: Pose | None = None
         self._filter = OdometryFilter(config.odometry)
@@ -57,7 +59,9 @@ class ChainSlam:
     @property
     def scans(self) -> tuple[ScanEntry, ...]:
         """Every scan so far, in order, at the poses now believed."""
-        return tuple(self._entries)
+        if self._scans is None:
+            self._scans = tuple(self._entries)
+        return self._scans
 
     def predict(self, pose_robot_in_odometry: Pose) -> Pose:
         """Carry the belief along with the odometry since the last call; the first call sets the reference.
@@ -116,6 +120,7 @@ class ChainSlam:
         self._grow_chains(links, graphs.kept, merges)
         new_chains = self._root_new_chains(links, graphs.kept, residuals.root_probability[graphs.final])
         self._entries.append(ScanEntry(self.pose, scan, features))
+        self._scans = None
         return ScanUpdate(
             index=index,
             predicted_pose=predicted,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from sonar_explore.geometry import Pose, wrap_angle
-from sonar_explore.mapping.evidence import Evidence, Rows
+from sonar_explore.mapping.evidence import Evidence, Rows, Standing
 from sonar_explore.mapping.looks import BINS, Look, _hear
 from sonar_explore.mapping.walls import bridges, pivot_points
 
@@ -44,6 +44,20 @@ def test_rows_that_are_put_and_replaced_stand_by_scan(seed):
         rows.put(scan, new)
     assert (rows.all == np.concatenate(held)).all()
     assert rows.first.tolist() == np.cumsum([0, *map(len, held)]).tolist()
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds)
+def test_what_stands_with_a_scan_goes_where_that_goes_whatever_else_comes_and_goes(seed):
+    rng, standing = np.random.default_rng(seed), Standing()
+    poses = [Pose(*rng.uniform(-1.0, 1.0, 3)) for _ in range(4)]
+    pieces: list[tuple[int, np.ndarray]] = []
+    for _ in range(6):
+        poses = [Pose(*rng.uniform(-1.0, 1.0, 3)) if rng.random() < 0.3 else pose for pose in poses]
+        pieces = [piece for piece in pieces if rng.random() < 0.9]
+        pieces += [(int(rng.integers(4)), rng.uniform(-1.0, 1.0, (1, 4))) for _ in range(rng.integers(3))]
+        expected = [poses[scan].transform(ends.reshape(-1, 2)).reshape(4) for scan, ends in pieces]
+        assert (standing.at(poses, pieces) == np.reshape(expected, (-1, 4))).all()
 
 
 @settings(max_examples=30, deadline=None)

@@ -77,5 +77,6 @@ class LocatedSlam(ChainSlam, ABC):
             self._entries = [
                 ScanEntry(moved.get(i, e.pose), e.scan, e.features) for i, e in enumerate(self._entries)
             ]
+            self._scans = None
             self.chains.place(np.array([*moved]), np.array([pose.as_row() for pose in moved.values()]))
         self.pose = poses[-1]

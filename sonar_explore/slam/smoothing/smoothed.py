@@ -54,6 +54,7 @@ class SmoothedSlam(ChainSlam):
                 entry = self._entries[k]
                 self._entries[k] = ScanEntry(self._pose_of(k), entry.scan, entry.features)
             self._moved[:] = self._stale = False
+            self._scans = None
         return super().scans
 
     def _pose_of(self, scan: int) -> Pose:
