@@ -12,6 +12,7 @@ from sonar_explore.geometry import Array
 from sonar_explore.mapping.grid import Mask
 
 _HAIR_M = 1e-6  # more than rounding can do to a distance along a ray that all but runs along a wall
+_TOGETHER = 8  # scans taken one after the other that share what is near them: mostly they lie side by side
 _HAIR_M2 = 1e-9  # nearer than this to the square of a limit the exact distance decides
 
 
@@ -51,8 +52,11 @@ def in_reach(places: Array, reach_m: Array, segments: Array) -> Mask:
 def _cut_all(scans, at, clear, barriers, own, real, first, margin, beams, room):  # type: ignore[no-untyped-def]
     """Sector b of a scan has the cosine and the sine of its middle in column b less the first that there can be of
     `beams`, once it was asked for. `room` is for the segments that may be met."""
-    near = _near(scans, at, clear, barriers, margin, room)
+    near = 0
     for i in range(len(scans)):
+        if i % _TOGETHER == 0:
+            some = slice(i, i + _TOGETHER)
+            near = _near(scans[some], at, clear[some], barriers, margin, room)
         scan, count = scans[i], near
         for k in range(first[scan], first[scan + 1]):
             if real[k]:

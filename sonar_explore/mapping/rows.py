@@ -18,29 +18,30 @@ def differing_rows(first: Array, second: Array) -> tuple[Array, Array]:
 def _missing(rows, others):  # type: ignore[no-untyped-def]
     """Which rows are none of the others, each of which is one row alone, shape (n,).
 
-    Mostly the first ones and the last ones are the same; for what is between a hash table of the others, by their sums.
+    Mostly those at the same place from the beginning or from the end are the same; for what is left a hash table of the
+    others, by their sums.
     """
-    out = np.zeros(len(rows), dtype=np.bool_)
-    shorter = min(len(rows), len(others))
-    begin = 0
-    while begin < shorter and _same(rows[begin], others[begin]):
-        begin += 1
-    end, end_of_others = len(rows), len(others)
-    while min(end, end_of_others) > begin and _same(rows[end - 1], others[end_of_others - 1]):
-        end, end_of_others = end - 1, end_of_others - 1
-    table = np.full(2 * (end_of_others - begin) + 1, -1)
-    for k in range(begin, end_of_others):
-        slot = _slot(others[k], len(table))
-        while table[slot] >= 0:
-            slot = (slot + 1) % len(table)
-        table[slot] = k
-    taken = np.zeros(end_of_others - begin, dtype=np.bool_)
-    for i in range(begin, end):
+    out, taken = np.ones(len(rows), dtype=np.bool_), np.zeros(len(others), dtype=np.bool_)
+    left, more = len(others), len(others) - len(rows)
+    for shift in (0, more):
+        for i in range(max(0, -shift), min(len(rows), len(others) - shift)):
+            if out[i] and not taken[i + shift] and _same(rows[i], others[i + shift]):
+                out[i], taken[i + shift] = False, True
+                left -= 1
+    table = np.full(2 * left + 1, -1)
+    for k in range(len(others)):
+        if not taken[k]:
+            slot = _slot(others[k], len(table))
+            while table[slot] >= 0:
+                slot = (slot + 1) % len(table)
+            table[slot] = k
+    for i in range(len(rows)):
+        if not out[i]:
+            continue
         slot = _slot(rows[i], len(table))
-        out[i] = True
         while table[slot] >= 0 and out[i]:
-            k = table[slot] - begin
-            if not taken[k] and _same(rows[i], others[table[slot]]):
+            k = table[slot]
+            if not taken[k] and _same(rows[i], others[k]):
                 out[i], taken[k] = False, True
             slot = (slot + 1) % len(table)
     return out

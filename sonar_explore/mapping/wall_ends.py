@@ -11,8 +11,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.compiled import kernel
+from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array
+
+_Sorted = tuple[NDArray[np.intp], Array]
 
 ALIKE = math.sin(math.radians(15.0))  # sine of the angle between walls that may be one
 ACROSS = math.sin(math.radians(30.0))  # and of those that may meet in a corner
@@ -35,77 +37,112 @@ def continued(walls: Array, points: Array, beside_m: float, reach_m: float) -> A
     middle, half = 0.5 * (walls[:, :2] + walls[:, 2:]), 0.5 * (walls[:, 2:] - walls[:, :2])
     length = np.maximum(np.hypot(*half.T), 1e-9)
     lines = np.column_stack([middle, half / length[:, None], length])
-    around = length + reach_m + beside_m
-    wide = around + length.max() + reach_m  # the middle of a wall that goes on to meet it may lie so far off
-    strip_m = float(wide.max())
-    lines, around, wide = (rows[_by_strips(lines, strip_m)] for rows in (lines, around, wide))
-    points = points[_by_strips(points, strip_m)]
-    points_near = _near(lines, points, around, strip_m)
-    walls_near = _near(lines, lines, wide, strip_m)
+    longest_m = float(length.max())
+    strip_m = 2.0 * (longest_m + reach_m) + beside_m  # walls that meet have their middles no farther apart
+    (order, line_at), (points_order, point_at), long_m = _by_strips(lines, points, strip_m)
+    lines, points = lines[order], points[points_order]
     open_m, pieces = np.zeros((len(lines), 2)), np.empty((2 * len(lines), 4))
-    _open_ends(lines, points, points_near, walls_near, beside_m, reach_m, open_m)
-    return pieces[: _meet(lines, walls_near, beside_m, reach_m, open_m, pieces)]
+    strips = strip_m, long_m
+    _open_ends(lines, line_at, points, point_at, strips, longest_m, beside_m, reach_m, open_m)
+    return pieces[: _meet(lines, line_at, strips, longest_m, beside_m, reach_m, open_m, pieces)]
 
 
-def _by_strips(places: Array, strip_m: float) -> NDArray[np.intp]:
-    """The order of rows that begin with x y by strips of y, and by x within each."""
-    return np.lexsort((places[:, 0], np.floor(places[:, 1] / strip_m)))
+def _by_strips(lines: Array, points: Array, strip_m: float) -> tuple[_Sorted, _Sorted, float]:
+    """The order of rows that begin with x y by strips of y, and by x within each: and where each lies if strip follows
+    strip along one line, so long each, with room between."""
+    x = np.concatenate([lines[:, 0], points[:, 0]])
+    least, most = float(x.min()), float(x.max())
+    long_m = most - least + 2.0 * strip_m + 1.0
+    found = []
+    for places in (lines, points):
+        at = np.floor(places[:, 1] / strip_m) * long_m + places[:, 0] - least
+        order = np.argsort(at)
+        found.append((order, at[order]))
+    return found[0], found[1], long_m
 
 
-def _near(about: Array, places: Array, around_m: Array, strip_m: float) -> NDArray[np.intp]:
-    """Of places by strips those that may lie so near to each row of `about`: the first and the last but one of its
-    strip and of those beside it, shape (n, 3, 2); none lies farther than a strip is wide."""
-    if not len(places):
-        return np.zeros((len(about), 3, 2), dtype=np.intp)
-    least = min(float(about[:, 0].min()), float(places[:, 0].min()))
-    most = max(float(about[:, 0].max()), float(places[:, 0].max()))
-    long_m = most - least + 2.0 * strip_m + 1.0  # strip after strip along one line, with room between
-    at = np.floor(places[:, 1] / strip_m) * long_m + places[:, 0] - least
-    mine = np.floor(about[:, 1] / strip_m)[:, None] + np.array([-1.0, 0.0, 1.0])
-    here = mine * long_m + (about[:, 0] - least)[:, None]
-    ends = np.stack([here - around_m[:, None], here + around_m[:, None]], axis=2)
-    return np.searchsorted(at, ends)
+@inner_kernel
+def _first_from(at, least):  # type: ignore[no-untyped-def]
+    """The first of rising numbers that is not less, by halves."""
+    first, end = 0, len(at)
+    while first < end:
+        middle = (first + end) >> 1
+        if at[middle] < least:
+            first = middle + 1
+        else:
+            end = middle
+    return first
+
+
+@inner_kernel
+def _covered(lines, line_at, strips, i, sign, within, beside):  # type: ignore[no-untyped-def]
+    """Whether an end of a wall lies on another one, whose middle is no farther than so much from its own: the next ones
+    first."""
+    below, above = i - 1, i + 1
+    while below >= 0 or above < len(lines):
+        if below >= 0:
+            if line_at[below] < line_at[i] - within:
+                below = -1
+            elif _lies_on(lines, i, sign, below, beside):
+                return True
+            below -= 1
+        if above < len(lines):
+            if line_at[above] > line_at[i] + within:
+                above = len(lines)
+            elif _lies_on(lines, i, sign, above, beside):
+                return True
+            above += 1
+    up = lines[i, 1] - math.floor(lines[i, 1] / strips[0]) * strips[0]
+    for strip in (-1, 1):
+        if (strip < 0 and up > within) or (strip > 0 and strips[0] - up > within):
+            continue
+        here = line_at[i] + strip * strips[1]
+        for j in range(_first_from(line_at, here - within), len(lines)):
+            if line_at[j] > here + within:
+                break
+            if _lies_on(lines, i, sign, j, beside):
+                return True
+    return False
+
+
+@inner_kernel
+def _lies_on(lines, i, sign, j, beside):  # type: ignore[no-untyped-def]
+    """Whether an end of one wall lies on another that is as good as parallel."""
+    x, y, ux, uy, half = lines[i]
+    dx, dy = x + sign * half * ux - lines[j, 0], y + sign * half * uy - lines[j, 1]
+    if abs(ux * lines[j, 3] - uy * lines[j, 2]) > ALIKE or abs(dx * lines[j, 3] - dy * lines[j, 2]) > beside:
+        return False
+    along = dx * lines[j, 2] + dy * lines[j, 3]
+    onward = sign * (ux * lines[j, 2] + uy * lines[j, 3])
+    return abs(along + 0.5 * beside * onward) <= lines[j, 4]
 
 
 @kernel
-def _open_ends(lines, points, points_near, walls_near, beside, reach, open_m):  # type: ignore[no-untyped-def]
+def _open_ends(lines, line_at, points, point_at, strips, longest, beside, reach, open_m):  # type: ignore[no-untyped-def]
     """How far each end may go on: to the nearest point ahead, or beyond reach; 0 where a point or its own wall is at
     the end."""
     for i in range(len(lines)):
         x, y, ux, uy, half = lines[i]
         for side in range(2):
             sign = 2.0 * side - 1.0
-            ahead = 2.0 * reach
-            for strip in range(3):
-                for k in range(points_near[i, strip, 0], points_near[i, strip, 1]):
+            if _covered(lines, line_at, strips, i, sign, half + longest + 2.0 * beside, beside):
+                continue
+            ahead, within = 2.0 * reach, half + reach + beside
+            for strip in (0, -1, 1):
+                here = line_at[i] + strip * strips[1]
+                for k in range(_first_from(point_at, here - within), len(points)):
+                    if point_at[k] > here + within:
+                        break
                     dx, dy = points[k, 0] - x, points[k, 1] - y
                     at = sign * (dx * ux + dy * uy)
                     if at > 0.0 and at - half >= -beside and abs(dx * uy - dy * ux) <= beside:
                         ahead = min(ahead, at - half)
-            if ahead <= beside:
-                continue
-            end_x, end_y = x + sign * half * ux, y + sign * half * uy
-            covered = False
-            for strip in range(3):
-                for j in range(walls_near[i, strip, 0], walls_near[i, strip, 1]):
-                    dx, dy = end_x - lines[j, 0], end_y - lines[j, 1]
-                    if (
-                        abs(ux * lines[j, 3] - uy * lines[j, 2]) <= ALIKE
-                        and abs(dx * lines[j, 3] - dy * lines[j, 2]) <= beside
-                    ):
-                        along = dx * lines[j, 2] + dy * lines[j, 3]
-                        onward = sign * (ux * lines[j, 2] + uy * lines[j, 3])
-                        if j != i and abs(along + 0.5 * beside * onward) <= lines[j, 4]:
-                            covered = True
-                            break
-                if covered:
-                    break
-            if not covered:
+            if ahead > beside:
                 open_m[i, side] = ahead
 
 
 @kernel
-def _meet(lines, walls_near, beside, reach, open_m, pieces):  # type: ignore[no-untyped-def]
+def _meet(lines, line_at, strips, longest, beside, reach, open_m, pieces):  # type: ignore[no-untyped-def]
     """From each open end that does not go too far until it meets a point or a wall, or where another open end gets to,
     a piece; first ends before second ones. How many."""
     count = 0
@@ -118,8 +155,12 @@ def _meet(lines, walls_near, beside, reach, open_m, pieces):  # type: ignore[no-
                 continue
             vx, vy = sign * ux, sign * uy
             x0, y0 = x + half * vx, y + half * vy
-            for strip in range(3):
-                for j in range(walls_near[i, strip, 0], walls_near[i, strip, 1]):
+            within = half + longest + 2.0 * reach + beside
+            for strip in (0, -1, 1):
+                here = line_at[i] + strip * strips[1]
+                for j in range(_first_from(line_at, here - within), len(lines)):
+                    if line_at[j] > here + within:
+                        break
                     if j == i:
                         continue
                     wx, wy = lines[j, 2], lines[j, 3]

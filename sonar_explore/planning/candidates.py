@@ -19,6 +19,7 @@ from sonar_explore.planning.paths import SafePaths
 from sonar_explore.planning.unseen import new_area
 from sonar_explore.slam.chains import Chain
 
+_HAIR_M = 1e-6  # more than rounding can do to the length of a way
 _HAIR_M2 = 1e-9  # nearer than this to the square of a limit the exact distance decides
 
 
@@ -114,7 +115,12 @@ class CandidateFinder:
         if dangling.any():
             meets = self._answered(places, spans[dangling], grid)
             meets[meets] = self._answered(places[meets], spans[~dangling], grid)
-        length = paths.costs_to_m(cells)
+        farthest = _worth_going(worth, area, meets)  # how long the way to others is nobody asks
+        worthy = np.hypot(*(places - grid.frame.centres(np.array([paths.start]))).T) <= farthest
+        if not worthy.any():
+            return ()
+        cells, places, area, meets = cells[worthy], places[worthy], area[worthy], meets[worthy]
+        length = paths.costs_to_m(cells, farthest[worthy])
         least = worth.least_area_m2 + worth.area_per_m * length
         enough = area >= np.minimum(least, max(worth.least_area_m2, worth.enough_m2))
         if not (enough | meets).any():
@@ -167,6 +173,14 @@ class CandidateFinder:
         chosen = np.empty(min(self._config.most, len(order)), dtype=np.int64)
         _apart(places[order], 2.0 * self._config.spacing_m, chosen)
         return np.asarray(order[chosen])
+
+
+def _worth_going(worth: CandidateConfig, area_m2: Array, meets: Mask) -> Array:
+    """How far each place may be, by ways weighted by discomfort, to be worth a scan, and a hair more, shape (n,), [m];
+    -inf where it is none however near."""
+    farthest = (area_m2 - worth.least_area_m2) / max(worth.area_per_m, 1e-9) + _HAIR_M
+    anywhere = meets | (area_m2 >= max(worth.least_area_m2, worth.enough_m2))
+    return np.where(anywhere, math.inf, np.where(area_m2 >= worth.least_area_m2, farthest, -math.inf))
 
 
 def _sought(known: ChainRows, tried: Mapping[int, int] | None) -> Mask:

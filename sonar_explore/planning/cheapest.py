@@ -67,11 +67,29 @@ class Search:
         """Whatever `_spread` has to know to go on."""
         self._farthest, self._more = 0.0, True
         self._start, self._region = start, np.zeros((0, 0), dtype=bool)
+        self._region_window: Window = (row, row + 1, column, column + 1)
 
     def reach(self, most: float) -> bool:
         """All that costs no more than this; whether there are others, that cost more."""
         self._spread(most, -1)
         return self._more or self._farthest > most
+
+    def costs_to(self, cells: Cells, most: Array) -> Array:
+        """What the cheapest way to each of some cells costs that ways lead to, with the rim, shape (n, 2): shape (n,);
+        inf where that is more than this, shape (n,).
+
+        Looked for until it is known of all: of the farthest first, for most others lie before it.
+        """
+        rows, columns = cells.T
+        off = 1 + np.abs(cells - self._start).max(axis=1)
+        while True:
+            costs, level = self.costs[rows, columns], self.state[_LEVEL]
+            final = (costs < level) if self._more else costs < math.inf
+            waiting = ~final & (most >= level)
+            if not (self._more and waiting.any()):
+                return np.where(final, costs, math.inf)
+            farthest = int(np.argmax(off * waiting))
+            self._spread(float(most[farthest]), int(rows[farthest] * self._columns + columns[farthest]))
 
     def reach_cell(self, row: int, column: int) -> bool:
         """This one, with the rim, if a way leads there: whether one does."""
@@ -85,8 +103,16 @@ class Search:
         """All cells that ways lead to, however dear, shape (rows, columns): told without looking for the ways."""
         if not self._region.size:
             self._region = np.zeros(self.costs.shape, dtype=bool)
-            _fill_region(self._cost, self._columns, *self._start, self._region.reshape(-1))
+            self._region_window = _fill_region(
+                self._cost, self._columns, *self._start, self._region.reshape(-1)
+            )
         return self._region
+
+    @property
+    def region_window(self) -> Window:
+        """The part in which those lie."""
+        assert self.region.size  # told with it
+        return self._region_window
 
     @property
     def window(self) -> Window:
@@ -184,9 +210,10 @@ def _spread(costs, columns, most, goal, farthest, state, buckets, entries, outs)
 @kernel
 def _fill_region(costs, columns, row, column, region):  # type: ignore[no-untyped-def]
     """What joins a cell by the sides of cells that may be entered: a diagonal step needs both cells beside it, so none
-    leads on to anything else. Stretches of rows wait for what joins them above and below."""
+    leads on to anything else. Stretches of rows wait for what joins them above and below. The part in which it lies."""
     waiting = np.empty(len(costs), dtype=np.int32)
     waiting[0], count = row * columns + column, 1
+    low_row, high_row, low_column, high_column = row, row, column, column
     while count > 0:
         count -= 1
         first = np.int64(waiting[count])
@@ -197,6 +224,10 @@ def _fill_region(costs, columns, row, column, region):  # type: ignore[no-untype
             first -= 1
         while costs[last + 1] < np.inf:
             last += 1
+        row = first // columns
+        low_row, high_row = min(low_row, row), max(high_row, row)
+        low_column = min(low_column, first - row * columns)
+        high_column = max(high_column, last - row * columns)
         for at in range(first, last + 1):
             region[at] = True
         for beside in (-columns, columns):
@@ -207,6 +238,7 @@ def _fill_region(costs, columns, row, column, region):  # type: ignore[no-untype
                     waiting[count] = at
                     count += 1
                 joined = enters
+    return low_row, high_row + 1, low_column, high_column + 1
 
 
 @kernel

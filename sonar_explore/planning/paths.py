@@ -89,6 +89,8 @@ class SafePaths:
         self.least_room_m = body_radius_m + (config.daring_margin_m if daring else config.margin_m)
         """Distance of a path from what is not free, [m]."""
         start = grid.frame.cell(x, y)
+        self.start: tuple[int, int] = start
+        """The cell that they begin in, (row, column)."""
         key = "ground", config, self.least_room_m, daring
         ground = grid.keeper(key, lambda: _Ground(grid, config, self.least_room_m, daring))
         self.room_m, self._cell_costs = ground.of(grid)
@@ -153,17 +155,25 @@ class SafePaths:
         within[part] &= self.room_m[part] >= self.least_room_m
         return within
 
-    def costs_to_m(self, cells: Cells) -> Array:
-        """`cost_m` of cells that paths lead to, shape (n, 2): shape (n,)."""
-        return np.asarray(self._search.costs[cells[:, 0] + 1, cells[:, 1] + 1] * self.frame.resolution_m)
+    def costs_to_m(self, cells: Cells, most_m: Array) -> Array:
+        """`cost_m` of cells that paths lead to, shape (n, 2); inf where that is more than this, shape (n,), [m]: which
+        is found out without looking for the way."""
+        resolution = self.frame.resolution_m
+        return self._search.costs_to(cells + 1, most_m / resolution) * resolution
 
     def roomiest(self, to_walls_m: Array, least_room_m: float, spacing_m: float) -> Cells:
         """In each square of a lattice, by its row and column, the cell with the most room that the body can be driven
-        to and that is as far from walls, shape (n, 2)."""
-        frame, limits = self.frame, (self._most, self.least_room_m, least_room_m)
-        corner, reached = (frame.x0, frame.y0, frame.resolution_m), self._reached()
-        costs = self._search.costs
-        return np.asarray(_roomiest(costs, self.room_m, to_walls_m, limits, reached, corner, spacing_m))
+        to and that is as far from walls, shape (n, 2). How long the ways there are is not looked for, unless some are
+        too long."""
+        frame, limits = self.frame, (self.least_room_m, least_room_m)
+        corner = frame.x0, frame.y0, frame.resolution_m
+        if self._within_m == math.inf:
+            leads, reached = self._search.region, self._search.region_window
+        else:
+            leads, reached = np.zeros(self._cell_costs.shape, dtype=bool), self._reached()
+            part = np.s_[reached[0] : reached[1], reached[2] : reached[3]]
+            leads[part] = self._search.costs[part] <= self._most
+        return np.asarray(_roomiest(leads, self.room_m, to_walls_m, limits, reached, corner, spacing_m))
 
     def to(self, x: float, y: float) -> Array | None:
         """The way to a place as a polyline of cell centres, shape (n, 2), map frame, [m]; None where there is none."""
@@ -334,12 +344,12 @@ def _fill_costs(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _roomiest(costs, room, to_walls, limits, reached, corner, spacing):  # type: ignore[no-untyped-def]
+def _roomiest(leads, room, to_walls, limits, reached, corner, spacing):  # type: ignore[no-untyped-def]
     """The first cell with the most room of those in each square of the lattice; rooms equal to a micrometre are one.
 
-    `costs` and what is reached have a rim about the grid.
+    Which cells ways lead to, and the part in which they lie, have a rim about the grid.
     """
-    most_cost, least_room, least_to_walls = limits
+    least_room, least_to_walls = limits
     first_row, end_row, first_column, end_column = reached
     first_row, end_row, first_column, end_column = (
         first_row - 1,
@@ -360,7 +370,7 @@ def _roomiest(costs, room, to_walls, limits, reached, corner, spacing):  # type:
     for row in range(first_row, end_row):
         i = int(math.floor(((row + 0.5) * resolution + y0) / spacing)) - lowest
         for column in range(first_column, end_column):
-            reachable = costs[row + 1, column + 1] <= most_cost and room[row, column] >= least_room
+            reachable = leads[row + 1, column + 1] and room[row, column] >= least_room
             if reachable and to_walls[row, column] >= least_to_walls:
                 here, j = np.rint(room[row, column] * 1e6), square[column]
                 if here > most[i, j]:

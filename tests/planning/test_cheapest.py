@@ -57,9 +57,33 @@ def test_ways_lead_to_the_region_of_the_start_and_nowhere_else(seed):
     entries = np.zeros((most_entries(cost.size), 2), dtype=np.int32)
     start = start[0] + 1, start[1] + 1
     search = Search(rimmed, start, float(cost[np.isfinite(cost)].max()), found, entries)
+    low_row, end_row, low_column, end_column = search.region_window
     assert (search.region[1:-1, 1:-1] == reached).all()
+    assert search.region[low_row:end_row, low_column:end_column].sum() == reached.sum()
+    for part in (search.region[low_row], search.region[end_row - 1]):
+        assert part[low_column:end_column].any()
+    for part in (search.region[:, low_column], search.region[:, end_column - 1]):
+        assert part[low_row:end_row].any()
     for row, column in np.ndindex(cost.shape):
         assert search.reach_cell(row + 1, column + 1) == reached[row, column]
+
+
+@settings(max_examples=80, deadline=None)
+@given(seeds)
+def test_what_some_cells_cost_is_what_one_search_finds_though_it_goes_no_farther(seed):
+    cost, start, rng = ground(seed)
+    expected = cheapest_costs(cost, start)
+    rimmed, found = np.pad(cost, 1, constant_values=np.inf), np.full(np.add(cost.shape, 2), np.inf)
+    entries = np.zeros((most_entries(cost.size), 2), dtype=np.int32)
+    search = Search(
+        rimmed, (start[0] + 1, start[1] + 1), float(cost[np.isfinite(cost)].max()), found, entries
+    )
+    reached = np.argwhere(np.isfinite(expected))
+    for _ in range(3):
+        some = reached[rng.integers(0, len(reached), rng.integers(1, 5))]
+        most = rng.choice([0.0, 3.0, 10.0, np.inf], len(some))
+        costs, theirs = search.costs_to(some + 1, most), expected[some[:, 0], some[:, 1]]
+        assert ((costs == theirs) | ((costs == np.inf) & (theirs > most))).all()
 
 
 @settings(max_examples=80, deadline=None)
