@@ -227,19 +227,16 @@ class ExplorationEnv(gym.Env[Observation, np.int64]):
         s = self.situation
         chains = s.chains[-self._max_chains :]
         chain_rows = np.zeros((self._max_chains, len(CHAIN_COLUMNS)), dtype=np.float32)
-        for row, chain in zip(chain_rows, chains, strict=False):
-            row[:] = (*chain.root.segment.as_row(), chain.root_probability, chain.dangling, len(chain.placed))
+        chain_rows[: len(chains)] = np.array(
+            [(*c.root.segment.as_row(), c.root_probability, c.dangling, len(c.placed)) for c in chains]
+        ).reshape(-1, len(CHAIN_COLUMNS))
         candidate_rows = np.zeros((int(self.action_space.n), len(CANDIDATE_COLUMNS)), dtype=np.float32)  # type: ignore[attr-defined]
-        for row, c in zip(candidate_rows, s.candidates, strict=False):
-            row[:] = (
-                c.x,
-                c.y,
-                c.path_length_m,
-                c.new_area_m2,
-                len(c.chains),
-                c.certainty,
-                bool(c.missing_links),
-            )
+        candidate_rows[: len(s.candidates)] = np.array(
+            [
+                (c.x, c.y, c.path_length_m, c.new_area_m2, len(c.chains), c.certainty, bool(c.missing_links))
+                for c in s.candidates[: len(candidate_rows)]
+            ]
+        ).reshape(-1, len(CANDIDATE_COLUMNS))
         return {
             "map": window(s.grid.frame, s.grid.states, self._frame),
             "pose": np.array([s.pose.x, s.pose.y, wrap_angle(s.pose.heading)], dtype=np.float32),

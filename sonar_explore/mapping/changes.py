@@ -55,7 +55,7 @@ def no_spans(shape: tuple[int, ...]) -> Spans:
 
 def forget(spans: Spans) -> None:
     """Nothing of any row any more."""
-    spans[..., 0], spans[..., 1] = _NO_COLUMN, -1
+    spans[..., 0], spans[..., 1] = _NO_COLUMN, -1  # a tuple for both takes ten times as long
 
 
 def whole_spans(shape: tuple[int, ...]) -> Spans:
@@ -88,19 +88,6 @@ def widen(spans, row, first, last):  # type: ignore[no-untyped-def]
         begin = stripe << _SHIFT
         spans[row, stripe, 0] = min(spans[row, stripe, 0], max(first, begin))
         spans[row, stripe, 1] = max(spans[row, stripe, 1], min(last, begin + STRIPE - 1))
-
-
-def boxes_of(spans: Spans) -> list[tuple[slice, slice]]:
-    """Rows and columns that hold all spans: a box for each run of stripes side by side that have any."""
-    boxes = []
-    has = spans[:, :, 0] <= spans[:, :, 1]
-    stripes = np.flatnonzero(has.any(axis=0))
-    for run in np.split(stripes, np.flatnonzero(np.diff(stripes) > 1) + 1) if len(stripes) else ():
-        part = slice(int(run[0]), int(run[-1]) + 1)
-        rows = np.flatnonzero(has[:, part].any(axis=1))
-        first, last = int(spans[:, part, 0].min()), int(spans[:, part, 1].max())
-        boxes.append((slice(int(rows[0]), int(rows[-1]) + 1), slice(first, last + 1)))
-    return boxes
 
 
 @kernel

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +26,10 @@ def cut_all_at_walls(
     real: Mask,
     first: NDArray[np.int64],
     margin_m: float,
-) -> Array:
-    """How far each direction of some of many scans is clear, to the nearest barrier that it meets, shape (k, n), [m].
+    known: Known,
+) -> tuple[Array, Mask]:
+    """How far each direction of some of many scans is clear, to the nearest barrier that it meets, shape (k, n), [m];
+    and whether that may be otherwise than it was, shape (k,).
 
     Args:
         scans: which, shape (k,).
@@ -35,12 +38,28 @@ def cut_all_at_walls(
         barriers, own: segments in the map frame, shape (b, 4) and (j, 4), [m]; the own ones of scan i are
             `own[first[i]:first[i + 1]]`, and count where they are `real`, shape (j,).
         margin_m: how far before a barrier to stop, [m].
+        known: what is known of it already.
     """
-    out = clear_m[scans]
+    clear, out, differ = clear_m[scans], known.cut_m.copy(), np.ones(len(scans), dtype=bool)
     if len(scans):
-        beams, room = np.empty((2, 2 * out.shape[1] + 8)), np.empty((len(barriers) + len(own), 4))
-        _cut_all(scans, at, out, barriers, own, real, first, margin_m, beams, room)
-    return out
+        beams, room = np.empty((3, 2 * out.shape[1] + 8)), np.empty((len(barriers) + len(own), 4))
+        walls = barriers, own, real, first, known.gone, known.come
+        _cut_all(scans, at, clear, walls, margin_m, known.stands, out, differ, beams, room)
+    return out, differ
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """How far directions were clear, and what has changed since."""
+
+    stands: Mask
+    """Scans that nothing else has changed of, shape (k,)."""
+    cut_m: Array
+    """How far each direction of those was clear, whatever of the others, shape (k, n), [m]."""
+    gone: Array
+    """Barriers that are none any more, map frame, shape (g, 4), [m],"""
+    come: Array
+    """and those that were none, shape (c, 4)."""
 
 
 def in_reach(places: Array, reach_m: Array, segments: Array) -> Mask:
@@ -49,24 +68,49 @@ def in_reach(places: Array, reach_m: Array, segments: Array) -> Mask:
 
 
 @lean_kernel
-def _cut_all(scans, at, clear, barriers, own, real, first, margin, beams, room):  # type: ignore[no-untyped-def]
-    """Sector b of a scan has the cosine and the sine of its middle in column b less the first that there can be of
-    `beams`, once it was asked for. `room` is for the segments that may be met."""
-    near = 0
+def _cut_all(scans, at, clear, walls, margin, stands, out, differ, beams, room):  # type: ignore[no-untyped-def]
+    """Where a barrier that has gone may be what a direction ended at, the scan is cut at all of them again; else at
+    those alone that have come.
+
+    Sector b of a scan has the cosine and the sine of its middle in column b less the first that there can be of
+    `beams`, once it was asked for; its third row is for a scan. `room` is for the segments that may be met.
+    """
+    barriers, own, real, first, gone, come = walls
+    n, near, of_group = clear.shape[1], 0, -1
     for i in range(len(scans)):
-        if i % _TOGETHER == 0:
-            some = slice(i, i + _TOGETHER)
-            near = _near(scans[some], at, clear[some], barriers, margin, room)
-        scan, count = scans[i], near
-        for k in range(first[scan], first[scan + 1]):
-            if real[k]:
-                _copy(own[k], room[count])
-                count += 1
+        scan, row, cut = scans[i], beams[2], out[i]
         for b in range(beams.shape[1]):
             beams[0, b] = np.inf
-        _cut(at[scan, 0], at[scan, 1], at[scan, 2], clear[i], room, count, margin, beams)
-        for b in range(clear.shape[1]):
-            clear[i, b] = max(clear[i, b], 0.0)
+        reach = 0.0
+        for b in range(n):
+            row[b] = clear[i, b]
+            reach = max(reach, row[b])
+        place, reach, from_nothing = at[scan], reach + margin, not stands[i]
+        if not from_nothing:
+            _cut(place, row[:n], reach, gone, len(gone), margin, beams)
+            for b in range(n):
+                ended = row[b] < clear[i, b] and max(row[b], 0.0) <= cut[b] + _HAIR_M
+                from_nothing = from_nothing or ended
+                row[b] = cut[b]
+        if from_nothing:
+            if i // _TOGETHER != of_group:
+                of_group = i // _TOGETHER
+                some = slice(of_group * _TOGETHER, (of_group + 1) * _TOGETHER)
+                near = _near(scans[some], at, clear[some], barriers, margin, room)
+            count = near
+            for k in range(first[scan], first[scan + 1]):
+                if real[k]:
+                    _copy(own[k], room[count])
+                    count += 1
+            for b in range(n):
+                cut[b] = clear[i, b]
+            _cut(place, cut, reach, room, count, margin, beams)
+        else:
+            _cut(place, cut, reach, come, len(come), margin, beams)
+        differ[i] = not stands[i]
+        for b in range(n):
+            cut[b] = max(cut[b], 0.0)
+            differ[i] = differ[i] or cut[b] != row[b]
 
 
 @inner_kernel
@@ -110,13 +154,10 @@ def _beside(ax, ay, bx, by, reach):  # type: ignore[no-untyped-def]
 
 
 @inner_kernel
-def _cut(x, y, heading, clear, segments, count, margin, beams):  # type: ignore[no-untyped-def]
-    n = len(clear)
+def _cut(place, clear, reach, segments, count, margin, beams):  # type: ignore[no-untyped-def]
+    """Cut what is clear from a place at so many segments; none farther than `reach` cuts anything."""
+    n, x, y, heading = len(clear), place[0], place[1], place[2]
     lowest = int(math.floor((-math.pi - heading) / (2.0 * math.pi) * n - 0.5 * n)) - 2
-    reach = 0.0
-    for b in range(n):
-        reach = max(reach, clear[b])
-    reach += margin
     for i in range(count):
         ax, ay = segments[i, 0] - x, segments[i, 1] - y
         bx, by = segments[i, 2] - x, segments[i, 3] - y

@@ -14,8 +14,7 @@ import numpy as np
 from sonar_explore.geometry import Array
 from sonar_explore.measurement import Scan
 from sonar_explore.slam import SlamConfig
-from sonar_explore.slam.features import FeatureKind
-from sonar_explore.slam.turn.agreement import extract
+from sonar_explore.slam.turn.agreement import walls_heard
 
 DISCS = 2  # so many agree, where several listen
 HALF_LENGTH_M = 0.12  # of the piece about the foot
@@ -33,10 +32,8 @@ def far_walls(scan: Scan, slam: SlamConfig, farthest_m: float) -> Array:
     if farthest_m <= reliable_m:
         return np.zeros((0, 4))
     agreement = replace(slam.agreement, discs_min=min(DISCS, slam.agreement.discs_min))
-    heard = extract(scan, replace(slam.features, range_max_m=farthest_m), agreement).features()
-    feet = np.array(
-        [(f.range_m, f.bearing_rad) for f in heard if f.kind is FeatureKind.WALL and f.range_m > reliable_m]
-    ).reshape(-1, 2)
+    feet = walls_heard(scan, replace(slam.features, range_max_m=farthest_m), agreement)
+    feet = feet[feet[:, 0] > reliable_m]
     range_m, bearing = feet[:, :1], feet[:, 1]
     normals = np.column_stack([np.cos(bearing), np.sin(bearing)])
     along = HALF_LENGTH_M * np.column_stack([normals[:, 1], -normals[:, 0]])

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonar_explore.compiled import lean_kernel
 from sonar_explore.geometry import Array
@@ -16,6 +17,7 @@ from sonar_explore.slam.features import Feature, FeatureKind, compensated_ranges
 
 BINS = 360
 """Directions in which a scan position keeps how far it is clear."""
+_BINS_RAD = (np.arange(BINS) + 0.5) * (2.0 * math.pi / BINS)
 
 
 @dataclass(frozen=True)
@@ -102,16 +104,13 @@ class Look:
 def look_of(scan: Scan, features: Sequence[Feature], config: MappingConfig) -> Look:
     """Turn a scan and its features into evidence."""
     bearings, ranges = _from_centre(scan, config.free_range_m)
-    bins = (np.arange(BINS) + 0.5) * (2.0 * math.pi / BINS)
-    order = np.argsort(bearings % (2.0 * math.pi))
-    sorted_bearings = (bearings % (2.0 * math.pi))[order]
-    nearest = _nearest_on_circle(sorted_bearings, bins)
-    clear = np.minimum(ranges[order][nearest] - config.wall_margin_m, config.free_range_m)
+    clear = ranges[_nearest(bearings.tobytes())]
+    clear = np.minimum(clear - config.wall_margin_m, config.free_range_m)
     core = np.zeros(BINS)
     walls = [f for f in features if f.kind is FeatureKind.WALL]
     heard = [(f.bearing_rad, f.width_rad, f.range_m, f.kind is FeatureKind.WALL) for f in features]
     rows = np.array(heard, dtype=float).reshape(-1, 4)
-    _hear(rows, bins, config.wall_margin_m, config.core_rad, clear, core)
+    _hear(rows, _BINS_RAD, config.wall_margin_m, config.core_rad, clear, core)
     return Look(
         clear_m=np.maximum(clear, 0.0),
         core_m=core,
@@ -157,10 +156,14 @@ def _continuation(f: Feature, config: MappingConfig) -> tuple[float, float, floa
     return x + half * s, y - half * c, x - half * s, y + half * c
 
 
-def _nearest_on_circle(sorted_angles: Array, targets: Array) -> np.ndarray:
-    n = len(sorted_angles)
-    right = np.searchsorted(sorted_angles, targets) % n
-    left = (right - 1) % n
-    gap_right = (sorted_angles[right] - targets) % (2.0 * math.pi)
-    gap_left = (targets - sorted_angles[left]) % (2.0 * math.pi)
-    return np.where(gap_right < gap_left, right, left)
+@lru_cache(maxsize=8)
+def _nearest(bearings_rad: bytes) -> NDArray[np.intp]:
+    """Which reading, by its bearing, is nearest to each bin, shape (BINS,): the same for all scans of one lattice."""
+    bearings = np.frombuffer(bearings_rad) % (2.0 * math.pi)
+    order = np.argsort(bearings)
+    rising = bearings[order]
+    right = np.searchsorted(rising, _BINS_RAD) % len(rising)
+    left = (right - 1) % len(rising)
+    gap_right = (rising[right] - _BINS_RAD) % (2.0 * math.pi)
+    gap_left = (_BINS_RAD - rising[left]) % (2.0 * math.pi)
+    return np.asarray(order[np.where(gap_right < gap_left, right, left)])

@@ -25,7 +25,7 @@ class Marks:
         self._frame: GridFrame | None = None
         self._segments: Array = np.zeros((0, 4))
 
-    def put(self, frame: GridFrame, segments: Array, spans: Spans) -> Array:
+    def put(self, frame: GridFrame, segments: Array, spans: Spans) -> tuple[Array, Array]:
         """These and no others; on another frame all are marked anew, for rounding may put them elsewhere there.
 
         Args:
@@ -33,10 +33,9 @@ class Marks:
             spans: are widened by the cells whose counts change.
 
         Returns:
-            Those that came or went, shape (k, 4).
+            Those that went, and those that came, shape (k, 4) both.
         """
-        gone, come = differing_rows(self._segments, segments)
-        changed = np.concatenate([gone, come])
+        gone, come = changed = differing_rows(self._segments, segments)
         if frame != self._frame:
             self.counts, self._frame = np.zeros(frame.shape, dtype=np.int16), frame
             gone, come = gone[:0], segments

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonar_explore.geometry import Array, Pose
-from sonar_explore.mapping.cuts import cut_all_at_walls, in_reach
+from sonar_explore.mapping.cuts import Known, cut_all_at_walls, in_reach
 from sonar_explore.mapping.distance import Distances
 from sonar_explore.mapping.evidence import Evidence, Standing
 from sonar_explore.mapping.grid import FREE, OCCUPIED, GridFrame, Mask, States, place_in
@@ -195,17 +195,20 @@ class OccupancyMapper:
         found = self._walls(self._obstacles.at(seen.poses, obstacles), doubtful)
         barriers = np.vstack([found.walls, found.gaps, seen.bounds.all])
         drawn.sectors.resize(frame)
-        last_trail = max(0, len(drawn.at) - 1)  # the one that may have grown since
-        changed = self._mark(drawn, frame, found, doubtful, bounded)
-        again = self._to_cut(drawn, found.pivots, changed, fresh_m if doubtful else math.inf)
-        at, real = seen.at.all, ~found.pivots
-        clear_m = cut_all_at_walls(
-            *(again, at, seen.clear_m.all, barriers),
-            *(seen.continuations.all, real, seen.walls.first, cfg.wall_margin_m),
+        was_at = drawn.at
+        gone, come = self._mark(drawn, frame, found, doubtful, bounded)
+        again, stands = self._to_cut(drawn, found.pivots, gone, come, fresh_m if doubtful else math.inf)
+        at, clear_m = seen.at.all, seen.clear_m.all
+        cut_m, differ = cut_all_at_walls(
+            *(again, at, clear_m, barriers),
+            *(seen.continuations.all, ~found.pivots, seen.walls.first, cfg.wall_margin_m),
+            Known(stands, drawn.sectors.clear_m(again, clear_m.shape[1]), gone, come),
         )
-        drawn.sectors.put(again, at[again], clear_m, seen.core_m.all[again])
-        since_moved = sorted({*again.tolist(), *range(last_trail, len(poses))})
-        drawn.sectors.trails(since_moved, seen.poses, trails, self._body)
+        again, cut_m = again[differ], cut_m[differ]
+        drawn.sectors.put(again, at[again], cut_m, seen.core_m.all[again])
+        last = max(0, len(was_at) - 1)  # its trail may have grown since
+        moved = np.flatnonzero((drawn.at[:last] != was_at[:last]).any(axis=1)).tolist()
+        drawn.sectors.trails([*moved, *range(last, len(poses))], seen.poses, trails, self._body)
         states = drawn.sectors.states((drawn.walls, drawn.fresh, drawn.points, drawn.gaps), cfg)
         return OccupancyGrid(frame, states, drawn.kept)
 
@@ -252,30 +255,35 @@ class OccupancyMapper:
         self._told = key, told
         return told
 
-    def _mark(self, drawn: _Drawn, frame: GridFrame, found: _Walls, doubtful: bool, bounded: bool) -> Array:
-        """Mark what is believed; the barriers that came or went, shape (k, 4), [m]."""
+    def _mark(
+        self, drawn: _Drawn, frame: GridFrame, found: _Walls, doubtful: bool, bounded: bool
+    ) -> tuple[Array, Array]:
+        """Mark what is believed; the barriers that went and those that came, shape (k, 4) both, [m]."""
         spans, bounds = drawn.sectors.changed, self._seen.bounds.all
         walls = np.concatenate([found.walls, bounds]) if doubtful and bounded else found.walls
         changed = [drawn.walls.put(frame, walls, spans), drawn.gaps.put(frame, found.gaps, spans)]
         if not doubtful:
-            changed += differing_rows(drawn.bounds, bounds)
+            changed.append(differing_rows(drawn.bounds, bounds))
             drawn.bounds = bounds.copy()
         drawn.fresh.put(frame, found.walls[found.fresh], spans)
         points = found.points[:0] if doubtful else found.points
         drawn.points.put(frame, np.hstack([points, points]), spans)
-        return np.concatenate(changed)
+        gone, come = zip(*changed, strict=True)
+        return np.concatenate(gone), np.concatenate(come)
 
-    def _to_cut(self, drawn: _Drawn, pivots: Mask, changed: Array, fresh_m: float) -> NDArray[np.int64]:
+    def _to_cut(
+        self, drawn: _Drawn, pivots: Mask, gone: Array, come: Array, fresh_m: float
+    ) -> tuple[NDArray[np.int64], Mask]:
         """Scans that may clear other cells than last time: they moved, or a wall of theirs or near them changed; those
-        farther than `fresh_m` from the last one are late, unless they are new or have moved far."""
+        farther than `fresh_m` from the last one are late, unless they are new or have moved far. And of which of them
+        nothing but walls near them changed."""
         seen, known = self._seen, len(drawn.at)
-        at, moved = seen.at.all, np.ones(len(seen.poses), dtype=bool)
-        moved[:known] = (at[:known] != drawn.at).any(axis=1)
+        at, other = seen.at.all, np.ones(len(seen.poses), dtype=bool)
+        other[:known] = (at[:known] != drawn.at).any(axis=1) | drawn.late
+        turned = np.flatnonzero(pivots[: len(drawn.pivots)] != drawn.pivots)
+        other[np.searchsorted(seen.walls.first, turned, side="right") - 1] = True
         reach_m = seen.reach_m.all[:, 0] + self._config.wall_margin_m
-        again = in_reach(at, reach_m, changed) | moved
-        again[:known] |= drawn.late
-        other = np.flatnonzero(pivots[: len(drawn.pivots)] != drawn.pivots)
-        again[np.searchsorted(seen.walls.first, other, side="right") - 1] = True
+        again = other | in_reach(at, reach_m, np.concatenate([gone, come]))
         late = np.zeros(len(at), dtype=bool)
         if fresh_m < math.inf:
             far = np.hypot(*(at[:known, :2] - at[-1, :2]).T) > fresh_m
@@ -284,7 +292,8 @@ class OccupancyMapper:
         where_drawn = at.copy()
         where_drawn[:known][late[:known]] = drawn.at[late[:known]]
         drawn.at = where_drawn
-        return np.flatnonzero(again & ~late)
+        scans = np.flatnonzero(again & ~late)
+        return scans, ~other[scans]
 
     def _covering(self, places: Array) -> GridFrame:
         """The frame, grown until it holds what scans from these places can reach, shape (n, 2), [m]."""

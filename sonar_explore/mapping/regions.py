@@ -6,15 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from sonar_explore.compiled import kernel
-from sonar_explore.mapping.changes import boxes_of, changed_spans
+from sonar_explore.compiled import inner_allocating_kernel, kernel
+from sonar_explore.mapping.changes import changed_spans, whole_spans
 from sonar_explore.mapping.grid import Cells, Mask
 
 
 def without_holes(mask: Mask, most: int) -> Mask:
     """The mask with holes of up to so many cells, joined by their sides, filled; shape (rows, columns)."""
-    out = mask.copy()
-    _fill(out, most)
+    out = np.empty_like(mask)
+    _refill(mask, most, whole_spans(mask.shape), out)
     return out
 
 
@@ -31,14 +31,7 @@ class WithoutHoles:
         if mask.shape != self._mask.shape:
             self._filled = without_holes(mask, self._most)
         else:
-            for box in boxes_of(changed_spans(self._mask, mask, self._most + 1)):
-                first = tuple(max(0, part.start - self._most - 1) for part in box)
-                # a window wide enough to hold every small hole of the box, and enough of every large one to tell it
-                about = tuple(
-                    slice(at, part.stop + self._most + 1) for at, part in zip(first, box, strict=True)
-                )
-                within = tuple(slice(p.start - at, p.stop - at) for at, p in zip(first, box, strict=True))
-                self._filled[box] = without_holes(mask[about], self._most)[within]
+            _refill(mask, self._most, changed_spans(self._mask, mask, self._most + 1), self._filled)
         self._mask = mask
         return self._filled
 
@@ -84,6 +77,31 @@ def labelled(cells: Cells) -> NDArray[np.int64]:
 
 
 @kernel
+def _refill(mask, most, spans, filled):  # type: ignore[no-untyped-def]
+    """What is without holes in the boxes that hold the spans, one for each run of stripes side by side that have any:
+    told from a window wide enough to hold every small hole of the box, and enough of every large one to tell it."""
+    rows, columns = mask.shape
+    stripe = 0
+    while stripe < spans.shape[1]:
+        low_row, high_row, low, high = rows, -1, columns, -1
+        more = True
+        while more and stripe < spans.shape[1]:
+            more = False
+            for row in range(rows):
+                if spans[row, stripe, 0] <= spans[row, stripe, 1]:
+                    low_row, high_row, more = min(low_row, row), max(high_row, row), True
+                    low, high = min(low, spans[row, stripe, 0]), max(high, spans[row, stripe, 1])
+            stripe += 1
+        if high_row >= 0:
+            first_row, first = max(0, low_row - most - 1), max(0, low - most - 1)
+            window = mask[first_row : high_row + most + 2, first : high + most + 2].copy()
+            _fill(window, most)
+            for row in range(low_row, high_row + 1):
+                for column in range(low, high + 1):
+                    filled[row, column] = window[row - first_row, column - first]
+
+
+@inner_allocating_kernel
 def _fill(mask, most):  # type: ignore[no-untyped-def]
     rows, columns = mask.shape
     large = np.zeros((rows, columns), dtype=np.bool_)

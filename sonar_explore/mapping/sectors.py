@@ -62,6 +62,14 @@ class Sectors:
         self._windows[:, :2] += at
         self.changed, self._states = whole_spans(frame.shape), np.zeros(frame.shape, dtype=np.uint8)
 
+    def clear_m(self, scans: NDArray[np.int64], n: int) -> Array:
+        """How far some scans clear by any reading, in each of n directions, shape (k, n), [m]; -1 by one that was not
+        put."""
+        out = np.full((len(scans), n), -1.0)
+        known = np.count_nonzero(scans < self._scans)  # in order
+        out[:known] = self._clear_m[scans[:known], 0] if known else -1.0
+        return out
+
     def put(self, scans: NDArray[np.int64], at: Array, clear_m: Array, core_m: Array) -> None:
         """What scans clear by direction, shape (k, n) both, [m]; replaces what they cleared before. New ones come in
         order.

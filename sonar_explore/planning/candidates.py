@@ -10,11 +10,11 @@ from itertools import compress
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_explore.compiled import kernel
+from sonar_explore.compiled import kernel, lean_kernel
 from sonar_explore.geometry import Array
 from sonar_explore.mapping.grid import Cells, Mask
 from sonar_explore.mapping.occupancy import OccupancyGrid
-from sonar_explore.planning.expected import ChainRows, ChainSpans, expected_chains
+from sonar_explore.planning.expected import ChainRows, ChainSpans, expected_chains, links_met
 from sonar_explore.planning.paths import SafePaths
 from sonar_explore.planning.unseen import new_area
 from sonar_explore.slam.chains import Chain
@@ -77,7 +77,8 @@ class CandidateFinder:
     ) -> None:
         self._config = config
         self._body = body_radius_m
-        self._near, self._far = range_min_m, range_max_m
+        self._heard = range_min_m, range_max_m, config.chain_grows_m
+        """How near and how far a chain is heard, and how far beyond its links it is expected to go on, [m]."""
         self._spans = ChainSpans()
 
     def find(
@@ -113,21 +114,20 @@ class CandidateFinder:
         spans, dangling = known.spans, _sought(known, tried)
         meets = np.zeros(len(places), dtype=bool)
         if dangling.any():
-            meets = self._answered(places, spans[dangling], grid)
-            meets[meets] = self._answered(places[meets], spans[~dangling], grid)
-        farthest = _worth_going(worth, area, meets)  # how long the way to others is nobody asks
-        worthy = np.hypot(*(places - grid.frame.centres(np.array([paths.start]))).T) <= farthest
+            meets = links_met(places, spans, dangling, grid, *self._heard)
+        limits = worth.least_area_m2, worth.area_per_m, max(worth.least_area_m2, worth.enough_m2)
+        farthest = np.empty(len(places))  # how long the way to others is nobody asks
+        x, y = grid.frame.centres(np.array([paths.start]))[0].tolist()
+        _reach_worth(places, area, meets, x, y, limits, farthest)
+        worthy = farthest >= 0.0
         if not worthy.any():
             return ()
         cells, places, area, meets = cells[worthy], places[worthy], area[worthy], meets[worthy]
-        length = paths.costs_to_m(cells, farthest[worthy])
-        least = worth.least_area_m2 + worth.area_per_m * length
-        enough = area >= np.minimum(least, max(worth.least_area_m2, worth.enough_m2))
-        if not (enough | meets).any():
+        length, score = paths.costs_to_m(cells, farthest[worthy]), np.empty(len(cells))
+        if not _score(area, length, meets, limits, score):
             return ()
-        rank = np.where(enough, area, 0.0) + 0.2 * meets
-        chosen = self._spread(places, np.where(enough | meets, rank / (1.0 + length), 0.0))
-        answers = self._answers(places[chosen], spans, grid)
+        chosen = self._spread(places, score)
+        answers = expected_chains(places[chosen], spans, grid, *self._heard)
         place, answering = np.nonzero(answers)
         certainty = _certainty(known.certain, known.directions, place, answering, len(chosen))
         ids = [known.ids[i] for i in answering.tolist()]
@@ -155,13 +155,6 @@ class CandidateFinder:
             )
         )
 
-    def _answers(self, places: Array, spans: Array, grid: OccupancyGrid) -> Mask:
-        return expected_chains(places, spans, grid, self._near, self._far, self._config.chain_grows_m)
-
-    def _answered(self, places: Array, spans: Array, grid: OccupancyGrid) -> Mask:
-        """At which places one of the chains of these spans should answer, shape (n,)."""
-        return np.asarray(self._answers(places, spans, grid).any(axis=1))
-
     def roomy(self, grid: OccupancyGrid, cells: Cells) -> Mask:
         """Which cells, shape (n, 2), are far enough from known walls for a scan, shape (n,)."""
         return np.asarray(grid.to_walls_m[cells[:, 0], cells[:, 1]] >= self._config.least_room_m)
@@ -173,14 +166,6 @@ class CandidateFinder:
         chosen = np.empty(min(self._config.most, len(order)), dtype=np.int64)
         _apart(places[order], 2.0 * self._config.spacing_m, chosen)
         return np.asarray(order[chosen])
-
-
-def _worth_going(worth: CandidateConfig, area_m2: Array, meets: Mask) -> Array:
-    """How far each place may be, by ways weighted by discomfort, to be worth a scan, and a hair more, shape (n,), [m];
-    -inf where it is none however near."""
-    farthest = (area_m2 - worth.least_area_m2) / max(worth.area_per_m, 1e-9) + _HAIR_M
-    anywhere = meets | (area_m2 >= max(worth.least_area_m2, worth.enough_m2))
-    return np.where(anywhere, math.inf, np.where(area_m2 >= worth.least_area_m2, farthest, -math.inf))
 
 
 def _sought(known: ChainRows, tried: Mapping[int, int] | None) -> Mask:
@@ -217,6 +202,33 @@ def _none_near(places, taken, least):  # type: ignore[no-untyped-def]
                 away[i] = False
                 break
     return away
+
+
+@lean_kernel
+def _reach_worth(places, area, meets, x, y, limits, farthest):  # type: ignore[no-untyped-def]
+    """How far each place may be from x y, by ways weighted by discomfort, to be worth a scan, and a hair more;
+    -1 where it is none however near, or lies farther even as the crow flies."""
+    least, per_m, most = limits
+    for i in range(len(places)):
+        reach = -1.0
+        if meets[i] or area[i] >= most:
+            reach = np.inf
+        elif area[i] >= least:
+            reach = (area[i] - least) / max(per_m, 1e-9) + _HAIR_M
+        off = math.hypot(places[i, 0] - x, places[i, 1] - y)
+        farthest[i] = reach if off <= reach else -1.0
+
+
+@lean_kernel
+def _score(area, length, meets, limits, score):  # type: ignore[no-untyped-def]
+    """New area per path of places worth a scan, of the others 0; whether there are any."""
+    least, per_m, most = limits
+    some = False
+    for i in range(len(area)):
+        enough = area[i] >= min(least + per_m * length[i], most)
+        some |= enough or meets[i]
+        score[i] = ((area[i] if enough else 0.0) + 0.2 * meets[i]) / (1.0 + length[i])
+    return some
 
 
 @kernel

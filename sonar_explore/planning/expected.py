@@ -84,23 +84,61 @@ def expected_chains(
     out = np.zeros((len(places), len(spans)), dtype=bool)
     frame = grid.frame
     corner = frame.x0, frame.y0, frame.resolution_m
-    _expect(places, spans, near_m, far_m, grows_m, grid.states, *corner, out)
+    _expect(places, spans, (near_m, far_m, grows_m), grid.states, corner, out)
+    return out
+
+
+def links_met(
+    places: Array,
+    spans: Array,
+    dangling: Mask,
+    grid: OccupancyGrid,
+    near_m: float,
+    far_m: float,
+    grows_m: float,
+) -> Mask:
+    """At which places both a chain that dangles should answer and one that does not, shape (n places,)."""
+    out = np.zeros(len(places), dtype=bool)
+    frame = grid.frame
+    corner = frame.x0, frame.y0, frame.resolution_m
+    _meet(places, spans, dangling, (near_m, far_m, grows_m), grid.states, corner, out)
     return out
 
 
 @kernel
-def _expect(places, spans, near, far, grows, states, x0, y0, resolution, out):  # type: ignore[no-untyped-def]
+def _expect(places, spans, limits, states, corner, out):  # type: ignore[no-untyped-def]
     for k in range(len(spans)):
-        cos, sin, distance, low, high = spans[k]
         for i in range(len(places)):
-            x, y = places[i]
-            foot = x * cos + y * sin
-            if foot < low - grows or foot > high + grows:
-                continue
-            offset = distance - (y * cos - x * sin)
-            if near <= abs(offset) <= far:
-                foot_x, foot_y = x - offset * sin, y + offset * cos
-                out[i, k] = _in_sight(states, x0, y0, resolution, x, y, foot_x, foot_y)
+            out[i, k] = _answers(places[i, 0], places[i, 1], spans[k], limits, states, corner)
+
+
+@kernel
+def _meet(places, spans, dangling, limits, states, corner, out):  # type: ignore[no-untyped-def]
+    for i in range(len(places)):
+        x, y = places[i, 0], places[i, 1]
+        links, known = False, False
+        for k in range(len(spans)):
+            if dangling[k] and not links:
+                links = _answers(x, y, spans[k], limits, states, corner)
+        for k in range(len(spans) if links else 0):
+            if not (dangling[k] or known):
+                known = _answers(x, y, spans[k], limits, states, corner)
+        out[i] = known
+
+
+@inner_kernel
+def _answers(x, y, span, limits, states, corner):  # type: ignore[no-untyped-def]
+    """Whether the foot of the normal lies on the chain, so near and in sight."""
+    near, far, grows = limits
+    x0, y0, resolution = corner
+    cos, sin = span[0], span[1]
+    foot = x * cos + y * sin
+    if foot < span[3] - grows or foot > span[4] + grows:
+        return False
+    offset = span[2] - (y * cos - x * sin)
+    if not (near <= abs(offset) <= far):
+        return False
+    return _in_sight(states, x0, y0, resolution, x, y, x - offset * sin, y + offset * cos)
 
 
 @inner_kernel

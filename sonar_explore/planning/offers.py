@@ -76,6 +76,8 @@ class Offers:
         self._found: dict[tuple[object, ...], tuple[Candidate, ...]] = {}
         self._shut: list[_Shut] = []
         """Drives that found their way shut, anchored to scans: they move with a correction."""
+        self._aside: list[tuple[float, float]] = []
+        """Places not to be offered now, x y, [m]."""
         self._tried: dict[int, int] = {}
         """How often the robot has gone to meet each dangling chain."""
         self._doubts = DOUBTS
@@ -108,6 +110,7 @@ class Offers:
         """What to choose from at this pose; leaves the surroundings as they were taken for it."""
         self._closing = self._chancing = False
         self._surroundings.retracing = False
+        self._aside = self._put_aside(pose)
         candidates: tuple[Candidate, ...] = ()
         for offer in (self._safe, self._dared, self._doubted_walls):
             candidates = candidates or offer(pose, NEAR_M)
@@ -160,12 +163,11 @@ class Offers:
         self, pose: Pose, within_m: float, worth: CandidateConfig | None = None
     ) -> tuple[Candidate, ...]:
         """Of the places worth a scan, those so near; looked for among all only where something near is worth one."""
-        aside = self._put_aside(pose)
         if within_m < OFFERED_M and not self._candidates(
-            pose, aside, within_m + NEARLY_M, near=True, worth=worth
+            pose, self._aside, within_m + NEARLY_M, near=True, worth=worth
         ):
             return ()
-        found = self._candidates(pose, aside, max(within_m, OFFERED_M), worth=worth)
+        found = self._candidates(pose, self._aside, max(within_m, OFFERED_M), worth=worth)
         return tuple(c for c in found if c.path_length_m <= within_m)
 
     def _put_aside(self, pose: Pose) -> list[tuple[float, float]]:
@@ -214,7 +216,7 @@ class Offers:
     def _safe(self, pose: Pose, within_m: float) -> tuple[Candidate, ...]:
         """Every place with room on the way, the farthest left out where one is so near; none unless one is."""
         self._surroundings.daring = False
-        found = self._candidates(pose, self._put_aside(pose), max(within_m, OFFERED_M))
+        found = self._candidates(pose, self._aside, max(within_m, OFFERED_M))
         return found if any(c.path_length_m <= within_m for c in found) else ()
 
     def _dared(self, pose: Pose, within_m: float, *, blindly: bool = False) -> tuple[Candidate, ...]:
@@ -254,16 +256,17 @@ class Offers:
         """Whether most of the places with room cannot be got to without daring."""
         self._surroundings.daring = False
         paths = self._surroundings.paths(pose)
-        return bool(2 * paths.within.sum() < (paths.room_m >= paths.least_room_m).sum())
+        got_to = np.count_nonzero(paths.within)
+        return bool(2 * got_to < np.count_nonzero(paths.room_m >= paths.least_room_m))
 
     def _is_cut_off(self, pose: Pose) -> bool:
         """Whether the way it came leads to room that no other way does, however daring: something that is not there
         is drawn across it."""
         here = self._surroundings
         here.daring = True
-        cells = int(here.paths(pose).within.sum())
+        cells = int(np.count_nonzero(here.paths(pose).within))
         here.retracing = True
-        more = int(here.paths(pose).within.sum()) - cells
+        more = int(np.count_nonzero(here.paths(pose).within)) - cells
         here.retracing = False
         return more * here.resolution_m**2 >= CUT_OFF_M2
 
@@ -326,7 +329,7 @@ class Offers:
         ((x, y),) = self._surroundings.placed([self._chance])
         self._chance = None
         self._surroundings.daring = True
-        found = self._candidates(pose, self._put_aside(pose))
+        found = self._candidates(pose, self._aside)
         near = tuple(c for c in found if math.hypot(c.x - x, c.y - y) <= DOUBTED_M)
         self._chancing = bool(near)
         return near

@@ -20,6 +20,7 @@ from sonar_explore.mapping.occupancy import FELT_M, DistancesTo, OccupancyGrid
 from sonar_explore.mapping.regions import WithoutHoles
 from sonar_explore.planning.cheapest import Search, Window, cheapest_way, most_entries, window_of
 from sonar_explore.planning.polyline import fewer_corners
+from sonar_explore.sums import hypot
 
 TOLERANCES_M = (0.10, 0.05, 0.025)  # how far a straightened path may leave the cells of the cheapest one
 
@@ -405,10 +406,22 @@ def _least_room(points: Array, room_m: Array, frame: GridFrame) -> float:
 
 def sampled(path: Array, step_m: float) -> Array:
     """Points along a polyline at most a step apart, its corners among them, shape (k, 2), [m]."""
-    steps = path[1:] - path[:-1]
-    counts = np.array(
-        [max(1, math.ceil(math.hypot(x, y) / step_m)) for x, y in steps.tolist()], dtype=np.intp
-    )
-    step = np.repeat(np.arange(len(steps)), counts)
-    share = (np.arange(1, len(step) + 1) - (np.cumsum(counts) - counts)[step]) / counts[step]
-    return np.vstack([path[:1], path[step] + steps[step] * share[:, None]])
+    return np.asarray(_sample(path, step_m))
+
+
+@kernel
+def _sample(path, step):  # type: ignore[no-untyped-def]
+    counts, total = np.empty(len(path) - 1, dtype=np.int64), 1
+    for i in range(len(counts)):
+        length = hypot(path[i + 1, 0] - path[i, 0], path[i + 1, 1] - path[i, 1])
+        counts[i] = max(1, int(math.ceil(length / step)))
+        total += counts[i]
+    out, at = np.empty((total, 2)), 1
+    out[0, 0], out[0, 1] = path[0, 0], path[0, 1]
+    for i in range(len(counts)):
+        for k in range(counts[i]):
+            share = (k + 1) / counts[i]
+            for axis in range(2):
+                out[at, axis] = path[i, axis] + (path[i + 1, axis] - path[i, axis]) * share
+            at += 1
+    return out

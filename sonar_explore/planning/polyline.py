@@ -37,7 +37,8 @@ def spaced(poses: Array, last: Pose | None, step_m: float) -> list[Pose]:
     before; `last` was taken before the first."""
     places = np.empty(len(poses), dtype=np.int64)
     x, y = (math.inf, math.inf) if last is None else (last.x, last.y)
-    return [Pose(*poses[i].tolist()) for i in places[: _spaced(poses, x, y, step_m, places)].tolist()]
+    count = _spaced(poses, x, y, step_m, places)
+    return [Pose(*row) for row in poses[places[:count]].tolist()]
 
 
 @lean_kernel

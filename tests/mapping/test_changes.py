@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from sonar_explore.mapping.changes import STRIPE, boxes_of, changed_spans, moved_spans
+from sonar_explore.mapping.changes import STRIPE, changed_spans, moved_spans
 from sonar_explore.mapping.distance import Distances, distances
 from sonar_explore.mapping.regions import WithoutHoles, without_holes
 
@@ -96,18 +96,6 @@ def test_spans_move_with_the_grid(seed):
     assert (moved[2:7, at[1] : at[1] + shape[1]] >= there).all()
     assert moved.sum(axis=1).tolist()[:2] == [0, 0]
     assert (moved.any(axis=1)[2:7] == there.any(axis=1)).all()
-
-
-def test_the_boxes_of_spans_hold_them_and_what_is_far_off_has_its_own():
-    before = np.zeros((9, 8 * STRIPE), dtype=np.uint8)
-    after = before.copy()
-    assert boxes_of(changed_spans(before, after, 2)) == []
-    after[3, 5] = after[6, 8] = 1
-    near = slice(2, 8), slice(4, 10)
-    assert boxes_of(changed_spans(before, after, 1)) == [near]
-    after[5, 6 * STRIPE] = 1
-    far = slice(4, 7), slice(6 * STRIPE - 1, 6 * STRIPE + 2)
-    assert boxes_of(changed_spans(before, after, 1)) == [near, far]
 
 
 @pytest.mark.parametrize("filled", [True, False])

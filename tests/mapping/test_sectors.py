@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from sonar_explore.geometry import Pose
 from sonar_explore.mapping.changes import STRIPE, no_spans
-from sonar_explore.mapping.cuts import cut_all_at_walls
+from sonar_explore.mapping.cuts import Known, cut_all_at_walls
 from sonar_explore.mapping.grid import GridFrame
 from sonar_explore.mapping.looks import MappingConfig
 from sonar_explore.mapping.marks import Marks
@@ -110,9 +110,11 @@ def test_putting_the_same_again_changes_nothing():
 def cut_at_walls(x, y, heading, clear, walls, own, margin):
     """Of one scan, whose own walls are all real."""
     at, real = np.array([[x, y, heading]]), np.ones(len(own), dtype=bool)
-    return cut_all_at_walls(
-        np.array([0]), at, clear[None], walls, own, real, np.array([0, len(own)]), margin
-    )[0]
+    nothing = Known(np.zeros(1, dtype=bool), np.empty((1, len(clear))), walls[:0], walls[:0])
+    cut, _ = cut_all_at_walls(
+        np.array([0]), at, clear[None], walls, own, real, np.array([0, len(own)]), margin, nothing
+    )
+    return cut[0]
 
 
 @settings(max_examples=60, deadline=None)
@@ -136,6 +138,27 @@ def ray_hits(x, y, angle, segment):
     matrix = np.array([[math.cos(angle), ax - bx], [math.sin(angle), ay - by]])
     r, share = np.linalg.solve(matrix, [ax - x, ay - y])
     return r if r >= 0.0 and 0.0 <= share <= 1.0 else math.inf
+
+
+@settings(max_examples=80, deadline=None)
+@given(seeds)
+def test_scans_cut_where_barriers_went_and_came_are_cut_as_if_from_nothing(seed):
+    rng = np.random.default_rng(seed)
+    n, scans, margin = 60, np.arange(5), 0.05
+    at, clear = rng.uniform(-2.0, 2.0, (5, 3)), rng.uniform(0.0, 3.0, (5, n))
+    walls, own = rng.uniform(-3.0, 3.0, (8, 4)), rng.uniform(-3.0, 3.0, (5, 4))
+    rest = own, np.ones(5, dtype=bool), np.arange(6), margin
+    stands, nothing = np.ones(5, dtype=bool), np.zeros((0, 4))
+    cut, _ = cut_all_at_walls(scans, at, clear, walls, *rest, Known(~stands, clear, nothing, nothing))
+    for _ in range(4):
+        left = rng.random(len(walls)) < 0.8
+        come = rng.uniform(-3.0, 3.0, (rng.integers(0, 3), 4))
+        gone, walls = walls[~left], np.concatenate([walls[left], come])
+        before = cut
+        cut, differ = cut_all_at_walls(scans, at, clear, walls, *rest, Known(stands, before, gone, come))
+        anew, _ = cut_all_at_walls(scans, at, clear, walls, *rest, Known(~stands, clear, nothing, nothing))
+        assert (cut == anew).all()
+        assert (differ == (cut != before).any(axis=1)).all()
 
 
 @settings(deadline=None)
@@ -175,12 +198,12 @@ def test_marks_of_segments_that_come_and_go_are_those_of_the_last_ones_and_tell_
         if rng.random() < 0.2:
             frame = GridFrame(frame.x0 - 1.0, frame.y0, 0.1, (frame.shape[0], frame.shape[1] + 10))
         spans, fresh = no_spans(frame.shape), Marks()
-        changed = marks.put(frame, segments, spans)
+        gone, come = marks.put(frame, segments, spans)
         fresh.put(frame, segments, no_spans(frame.shape))
         assert (marks.counts == fresh.counts).all()
-        assert len(changed) == sum(
-            (Counter(map(tuple, before)) - Counter(map(tuple, segments))).values()
-        ) + sum((Counter(map(tuple, segments)) - Counter(map(tuple, before))).values())
+        was, now = (Counter(map(tuple, rows)) for rows in (before, segments))
+        assert Counter(map(tuple, gone)) == was - now
+        assert Counter(map(tuple, come)) == now - was
         if counts.shape == marks.counts.shape:
             rows, columns = np.nonzero(counts != marks.counts)
             first, last = spans[rows, columns // STRIPE].T

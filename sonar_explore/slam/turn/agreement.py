@@ -42,6 +42,7 @@ from sonar_explore.slam.turn.heard import (
     SWEEP,
     WALL,
     WIDTH,
+    Heard,
     heard_by_discs,
     wrapped,
 )
@@ -124,12 +125,28 @@ def extract(
     if not agreement.enabled or not scan.others:
         return Extraction(of_one_disc=extract_features(scan.turned(turn_error), config))
     heard = heard_by_discs(scan, config, agreement.points, turn_error)
-    sums, rows = np.zeros(2), np.empty((len(heard.walls) + len(heard.others), COLUMNS))
-    count = _agree(heard.walls, heard.others, _limits(config, agreement), rows, sums)
+    rows, sums = _agreed(heard, config, agreement)
     points = points_among(heard.in_front, config.beam, agreement.points, sums)
     around = _around(len(scan.ranges_m), bool(scan.headings_rad[-1] < scan.headings_rad[0]))
     turn = TurnError.of(sums, agreement.noise_rad)
-    return Extraction(points, turn, of_several=rows[:count], around=around)
+    return Extraction(points, turn, of_several=rows, around=around)
+
+
+def walls_heard(scan: Scan, config: FeatureConfig, agreement: AgreementConfig) -> Array:
+    """Range [m] and bearing [rad] of the walls among the features that `extract` finds, shape (n, 2)."""
+    if not agreement.enabled or not scan.others:
+        found = extract(scan, config, agreement).of_one_disc
+        walls = [(f.range_m, f.bearing_rad) for f in found if f.kind is FeatureKind.WALL]
+        return np.array(walls).reshape(-1, 2)
+    rows, _ = _agreed(heard_by_discs(scan, config, agreement.points), config, agreement)
+    return np.asarray(rows[rows[:, KIND] == WALL][:, [RANGE, BEARING]])
+
+
+def _agreed(heard: Heard, config: FeatureConfig, agreement: AgreementConfig) -> tuple[Array, Array]:
+    """`Extraction.of_several`, and what the walls say of the turn: sums for `TurnError`."""
+    sums, rows = np.zeros(2), np.empty((len(heard.walls) + len(heard.others), COLUMNS))
+    count = _agree(heard.walls, heard.others, _limits(config, agreement), rows, sums)
+    return rows[:count], sums
 
 
 @lru_cache(maxsize=4)
