@@ -130,7 +130,7 @@ class Evidence:
         told = others(looks, self._looks)
         again[told] = False
         moved = np.flatnonzero(again[:known])
-        waits = moved[self._may_wait(moved, now, fresh_m)]
+        waits = moved[self._may_wait(moved, now, fresh_m)] if len(moved) and fresh_m < math.inf else moved[:0]
         self.waits, again[waits], again[told] = len(waits) > 0, False, True
         for i in np.flatnonzero(again).tolist():
             self._put(i, poses[i], looks[i])
