@@ -20,6 +20,7 @@ def eliminated(  # type: ignore[no-untyped-def]
     waiting, after = np.full(n, -1), np.empty(n, dtype=np.int64)
     upto, row = np.zeros(n, dtype=np.int64), np.empty(n, dtype=np.int64)
     place, goes = np.zeros(n, dtype=np.int64), np.empty(4 * n + 4, dtype=np.uint64)
+    sums = np.empty(32)
     for p in range(len(order)):
         v = order[p]
         if touched[v]:
@@ -30,7 +31,7 @@ def eliminated(  # type: ignore[no-untyped-def]
                 height += dims[struct[i]]
             block = factor[layout[v, 3] : layout[v, 3] + height * dims[v]]
             block[:] = 0.0
-            _assemble(v, starts, factors, ends, rows, off, shared, rank, dims, place, block, forward[v])
+            _assemble(v, starts, factors, ends, rows, off, shared, rank, dims, place, block, forward[v], sums)
             k = waiting[v]
             while k >= 0:
                 _subtract(k, v, upto[k], row[k], dims, layout, struct, factor, forward, place, goes, block)
@@ -54,18 +55,21 @@ def eliminated(  # type: ignore[no-untyped-def]
 
 
 @inner_kernel
-def _assemble(v, starts, factors, ends, rows, off, shared, rank, dims, place, block, right):  # type: ignore[no-untyped-def]
-    """The columns of J'J of one variable, from the diagonal on, and what J'r has of it."""
-    for j in range(4):
-        right[j] = 0.0
+def _assemble(v, starts, factors, ends, rows, off, shared, rank, dims, place, block, right, sums):  # type: ignore[no-untyped-def]
+    """The columns of J'J of one variable, from the diagonal on, and what J'r has of it.
+
+    What all its factors add to, the square on top and the rows of the constants, is summed up four numbers at a time,
+    however many the variable has.
+    """
     if v == 0:  # all factors are tied to them: the sum over all is kept
         for j in range(3):
             right[j] = shared[j, 3]
             for k in range(3):
                 block[k * 3 + j] = shared[k, j]
         return
+    for k in range(32):
+        sums[k] = 0.0
     d = dims[v]
-    constants = block[place[0] * d :]
     for at in range(starts[v], starts[v + 1]):
         f = factors[at]
         side = 0 if ends[f, 0] == v else 1
@@ -74,21 +78,44 @@ def _assemble(v, starts, factors, ends, rows, off, shared, rank, dims, place, bl
         below = block[place[u] * d :] if wide > 0 else block
         for i in range(3):
             row = rows[f, i]
-            own, other, rest = row[mine:], row[theirs:], row[8:]
-            for j in range(d):
-                x = own[j]
-                if x == 0.0:
-                    continue
-                right[j] += x * off[f, i]
-                for k in range(j, d):
-                    block[k * d + j] += own[k] * x
-                for k in range(3):
-                    constants[k * d + j] += rest[k] * x
-                for k in range(wide):
-                    below[k * d + j] += other[k] * x
+            own, other = row[mine : mine + 4], row[theirs : theirs + 4]
+            a, b, c, e = own[0], own[1], own[2], own[3]
+            if a == 0.0 and b == 0.0 and c == 0.0 and e == 0.0:
+                continue
+            p, q, r, x = row[8], row[9], row[10], off[f, i]
+            _add_four(sums[0:4], a, a, b, c, e)
+            _add_four(sums[4:8], b, a, b, c, e)
+            _add_four(sums[8:12], c, a, b, c, e)
+            _add_four(sums[12:16], e, a, b, c, e)
+            _add_four(sums[16:20], p, a, b, c, e)
+            _add_four(sums[20:24], q, a, b, c, e)
+            _add_four(sums[24:28], r, a, b, c, e)
+            _add_four(sums[28:32], x, a, b, c, e)
+            for k in range(wide):
+                x, under = other[k], below[k * d : k * d + d]
+                under[0] += x * a
+                under[1] += x * b
+                if d > 2:
+                    under[2] += x * c
+                if d > 3:
+                    under[3] += x * e
+    constants = block[place[0] * d :]
     for j in range(d):
+        right[j] = sums[28 + j]
+        for k in range(j, d):
+            block[k * d + j] = sums[4 * k + j]
+        for k in range(3):
+            constants[k * d + j] += sums[16 + 4 * k + j]
         if block[j * d + j] == 0.0:  # of what became another, nothing is measured any more
             block[j * d + j] = 1.0
+
+
+@inner_kernel
+def _add_four(sums, x, a, b, c, e):  # type: ignore[no-untyped-def]
+    sums[0] += x * a
+    sums[1] += x * b
+    sums[2] += x * c
+    sums[3] += x * e
 
 
 @inner_kernel
@@ -108,9 +135,14 @@ def _subtract(k, v, upto, row, dims, layout, struct, factor, forward, place, goe
     begin = layout[k, 3] + row * d
     theirs = factor[begin : begin + rows * d]
     for j in range(dv):
-        mine, column = theirs[j * d : j * d + d], block[j:]
+        mine = theirs[j * d : j * d + d]
         for i in range(d):
             forward[v, j] -= mine[i] * forward[k, i]
+    if dv == 4:
+        _subtract_four(theirs, d, rows, goes, block)
+        return
+    for j in range(dv):
+        mine, column = theirs[j * d : j * d + d], block[j:]
         a, b = mine[0], mine[1]
         if d == 4:
             c, e = mine[2], mine[3]
@@ -126,6 +158,40 @@ def _subtract(k, v, upto, row, dims, layout, struct, factor, forward, place, goe
         else:
             for i in range(rows):
                 column[goes[i]] -= theirs[2 * i] * a + theirs[2 * i + 1] * b
+
+
+@inner_kernel
+def _subtract_four(theirs, d, rows, goes, block):  # type: ignore[no-untyped-def]
+    """The same where v is a pose: four columns at a time."""
+    a, b, f, g = theirs[0], theirs[1], theirs[d], theirs[d + 1]
+    m, n, r, s = theirs[2 * d], theirs[2 * d + 1], theirs[3 * d], theirs[3 * d + 1]
+    if d == 2:
+        for i in range(rows):
+            x, y, at = theirs[2 * i], theirs[2 * i + 1], goes[i]
+            mine = block[at : at + np.uint64(4)]
+            mine[0] -= x * a + y * b
+            mine[1] -= x * f + y * g
+            mine[2] -= x * m + y * n
+            mine[3] -= x * r + y * s
+        return
+    c, h, p, t = theirs[2], theirs[d + 2], theirs[2 * d + 2], theirs[3 * d + 2]
+    if d == 3:
+        for i in range(rows):
+            x, y, z, at = theirs[3 * i], theirs[3 * i + 1], theirs[3 * i + 2], goes[i]
+            mine = block[at : at + np.uint64(4)]
+            mine[0] -= x * a + y * b + z * c
+            mine[1] -= x * f + y * g + z * h
+            mine[2] -= x * m + y * n + z * p
+            mine[3] -= x * r + y * s + z * t
+        return
+    e, k, q, u = theirs[3], theirs[7], theirs[11], theirs[15]
+    for i in range(rows):
+        x, y, z, w, at = theirs[4 * i], theirs[4 * i + 1], theirs[4 * i + 2], theirs[4 * i + 3], goes[i]
+        mine = block[at : at + np.uint64(4)]
+        mine[0] -= (x * a + y * b) + (z * c + w * e)
+        mine[1] -= (x * f + y * g) + (z * h + w * k)
+        mine[2] -= (x * m + y * n) + (z * p + w * q)
+        mine[3] -= (x * r + y * s) + (z * t + w * u)
 
 
 @inner_kernel
