@@ -68,12 +68,12 @@ def spread(covariance, transition, bits, walk):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def believed(p, relative, adr, ndr, normals, discs, features, sigmas, limit, rival):  # type: ignore[no-untyped-def]
+def believed(p, relative, adr, ndr, normals, discs, features, sigmas, limit, rival, sure):  # type: ignore[no-untyped-def]
     """Which associations are no farther off, in angle and along the normal, than expected: r' (H P H' + R)^-1 r is
     within the limit, and no worse by more than `rival` than the best of the same feature.
 
     Args:
-        relative: what else each is unsure by, shape (n, 2, 2).
+        relative: what else each is unsure by, shape (n, 2, 2); along the normal by no more than `sure`.
         discs: how many heard each.
         sigmas: see `bearing_variance`; and the variance along the normal.
     """
@@ -89,7 +89,7 @@ def believed(p, relative, adr, ndr, normals, discs, features, sigmas, limit, riv
         a, b = adr[i], -ndr[i]
         squared[i] = (a * a * place - 2.0 * a * b * both + b * b * angle) / (angle * place - both * both)
     for i in range(n):
-        out[i] = squared[i] <= limit
+        out[i] = squared[i] <= limit and relative[i, 1, 1] <= sure
         for k in range(n):
             if features[k] == features[i] and squared[i] > squared[k] + rival:
                 out[i] = False

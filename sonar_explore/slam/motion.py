@@ -10,6 +10,9 @@ import numpy as np
 from sonar_explore.compiled import lean_kernel
 from sonar_explore.geometry import Array, Pose
 
+NO_MOTION = np.diag([1e-6, 1e-6, 1e-8])
+"""Covariance of what has hardly moved: that of x, y [m] and heading [rad] can still be inverted."""
+
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -46,15 +49,16 @@ class MotionSum:
 
     def __init__(self, walk: RandomWalk) -> None:
         self._variances = np.array([walk.distance_m**2, walk.turn_rad**2, walk.drift_rad**2])
-        self.clear()
+        self._own_left_rad, self._change = np.zeros(1), np.zeros(3)
+        self._by = np.zeros((3, 3))
+        """Derivative of the change, in columns, by the error of turns, the bend of drives and the own error."""
+        self._covariance = NO_MOTION.copy()
 
     def clear(self, own_turn_rad: float = 0.0) -> None:
         """Begin at a new scan, whose turn of this size, signed, [rad], is about to be counted."""
-        self._own_left_rad = np.array([own_turn_rad])
-        self._change = np.zeros(3)
-        self._by = np.zeros((3, 3))
-        """Derivative of the change, in columns, by the error of turns, the bend of drives and the own error."""
-        self._covariance = np.diag([1e-6, 1e-6, 1e-8])
+        self._own_left_rad[0] = own_turn_rad
+        self._change[:] = self._by[:] = 0.0
+        self._covariance[:] = NO_MOTION
 
     def add(self, *odometry: Pose) -> None:
         """From each of these readings to the next, `pose_robot_in_odometry`: bits that are nearly straight, or turns on

@@ -170,7 +170,11 @@ class OdometryFilter:
         self.covariance[OWN, OWN] = own
 
     def believable(
-        self, residuals: Residuals, relative: Array | None = None, features: NDArray[np.intp] | None = None
+        self,
+        residuals: Residuals,
+        relative: Array | None = None,
+        features: NDArray[np.intp] | None = None,
+        sure_m: float = math.inf,
     ) -> NDArray[np.bool_]:
         """Which associations the odometry allows, shape (n,).
 
@@ -179,6 +183,7 @@ class OdometryFilter:
                 relative to each line when the filter was restarted, shape (n, 2, 2), [rad] and [m].
             features: which wall of the scan each is of, shape (n,): a wall that meets one line much better than
                 another is not of both, even where alone it might be of the other. None where that is not asked.
+            sure_m: where `relative` is less sure of the place than this, nothing is believable, [m].
         """
         n = len(residuals.adr_rad)
         if not self.config.enabled or not n:
@@ -191,7 +196,7 @@ class OdometryFilter:
         limit = squared_gate(self.config.gate_share)
         off = residuals.adr_rad, residuals.ndr_m, residuals.normals, residuals.discs, features
         found: NDArray[np.bool_] = believed(
-            self.covariance, relative, *off, self._sigmas, limit, self.config.rival
+            self.covariance, relative, *off, self._sigmas, limit, self.config.rival, sure_m**2
         )
         return found
 

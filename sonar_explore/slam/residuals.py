@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +51,12 @@ class Residuals:
         """Those of the associations chosen, shape (n,)."""
         if chosen.all():
             return self
-        return Residuals(**{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
+        rows = np.flatnonzero(chosen)
+        return Residuals(
+            *(self.adr_rad[rows], self.ndr_m[rows], self.normals[rows]),
+            *(self.link_ndr_m[rows], self.link_normals[rows]),
+            *(self.root_probability[rows], self.range_m[rows], self.discs[rows]),
+        )
 
 
 def residuals_to_lines(

@@ -43,7 +43,7 @@ def associations(rng, n):
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_what_is_believed_is_within_the_limit_and_no_worse_than_its_rival_by_much(seed):
+def test_what_is_believed_is_sure_within_the_limit_and_no_worse_than_its_rival_by_much(seed):
     rng, n = np.random.default_rng(seed), 12
     p, (adr, ndr, normals, discs, jacobian) = covariance(rng), associations(rng, n)
     root, features = 0.1 * rng.normal(size=(n, 2, 2)), rng.integers(0, 5, n)
@@ -54,8 +54,10 @@ def test_what_is_believed_is_within_the_limit_and_no_worse_than_its_rival_by_muc
     off = np.column_stack([adr, -ndr])
     squared = np.einsum("ni,ni->n", off, np.linalg.solve(expected, off[:, :, None])[:, :, 0])
     best = np.array([squared[features == feature].min() for feature in features])
-    found = believed(p, relative, adr, ndr, normals, discs, features, SIGMAS, 3.0, 1.0)
-    assert found.tolist() == ((squared <= 3.0) & (squared <= best + 1.0)).tolist()
+    sure = np.median(relative[:, 1, 1])
+    found = believed(p, relative, adr, ndr, normals, discs, features, SIGMAS, 3.0, 1.0, sure)
+    plainly = (squared <= 3.0) & (squared <= best + 1.0) & (relative[:, 1, 1] <= sure)
+    assert found.tolist() == plainly.tolist()
 
 
 def learned_plainly(p, jacobian, innovation, noise, huber, floor):

@@ -181,10 +181,8 @@ class SmoothedSlam(ChainSlam):
         chains = [association.chain for association in associations]
         spread = self._smoother.covariances(chains, self.pose, residuals.normals)
         features = np.array([association.feature for association in associations], dtype=np.intp)
-        believable = self._filter.believable(residuals, spread, features)
-        if self._hears_points:
-            believable &= spread[:, 1, 1] <= self.config.matching.sure_m**2
-        return believable
+        sure_m = self.config.matching.sure_m if self._hears_points else math.inf
+        return self._filter.believable(residuals, spread, features, sure_m)
 
 
 @lean_kernel

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,8 +45,7 @@ class PointConfig:
     """Which of them are columns."""
 
 
-@dataclass(frozen=True)
-class Point:
+class Point(NamedTuple):
     """One point as one scan heard it, in the robot frame at the start of the scan."""
 
     bearing_rad: float

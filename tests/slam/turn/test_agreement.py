@@ -91,7 +91,7 @@ ROOMS = ("paper/rooms", "paper/bend", "generated/home-3")
 
 def numbers(of):
     """Of features, points or what is known of a turn: those that are rounded, and those that are not."""
-    fields = [getattr(item, name) for item in of for name in item.__dataclass_fields__]
+    fields = [getattr(item, name) for item in of for name in item.__match_args__]
     loose = [f.as_row() if isinstance(f, Segment) else (f,) for f in fields if isinstance(f, float | Segment)]
     return [f for f in fields if not isinstance(f, float | Segment)], [x for row in loose for x in row]
 
