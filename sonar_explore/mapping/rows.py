@@ -4,24 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from sonar_explore.compiled import inner_allocating_kernel, inner_kernel, kernel
+from sonar_explore.compiled import inner_kernel, kernel
 from sonar_explore.geometry import Array
 
 
 def differing_rows(first: Array, second: Array) -> tuple[Array, Array]:
     """Rows that the second array has no more, and those that only it has, shape (k, 4) both; what stands in both n
     times differs in none of them, in whatever order."""
-    gone, come = _differing(first, second)
-    return first[gone], second[come]
+    return first[_missing(first, second)], second[_missing(second, first)]
 
 
 @kernel
-def _differing(first, second):  # type: ignore[no-untyped-def]
-    """Which rows of each are none of the other's."""
-    return _missing(first, second), _missing(second, first)
-
-
-@inner_allocating_kernel
 def _missing(rows, others):  # type: ignore[no-untyped-def]
     """Which rows are none of the others, each of which is one row alone, shape (n,).
 

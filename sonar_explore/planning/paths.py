@@ -411,17 +411,17 @@ def sampled(path: Array, step_m: float) -> Array:
 
 @kernel
 def _sample(path, step):  # type: ignore[no-untyped-def]
-    counts, total = np.empty(len(path) - 1, dtype=np.int64), 1
-    for i in range(len(counts)):
-        length = hypot(path[i + 1, 0] - path[i, 0], path[i + 1, 1] - path[i, 1])
-        counts[i] = max(1, int(math.ceil(length / step)))
+    total, counts = 1, np.empty(len(path), dtype=np.int64)
+    for i in range(1, len(path)):
+        counts[i] = max(1, math.ceil(hypot(path[i, 0] - path[i - 1, 0], path[i, 1] - path[i - 1, 1]) / step))
         total += counts[i]
     out, at = np.empty((total, 2)), 1
     out[0, 0], out[0, 1] = path[0, 0], path[0, 1]
-    for i in range(len(counts)):
+    for i in range(1, len(path)):
+        x, y = path[i - 1, 0], path[i - 1, 1]
+        dx, dy = path[i, 0] - x, path[i, 1] - y
         for k in range(counts[i]):
             share = (k + 1) / counts[i]
-            for axis in range(2):
-                out[at, axis] = path[i, axis] + (path[i + 1, axis] - path[i, axis]) * share
+            out[at, 0], out[at, 1] = x + dx * share, y + dy * share
             at += 1
     return out
