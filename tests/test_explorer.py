@@ -18,6 +18,7 @@ from sonar_explore.mapping.occupancy import OccupancyGrid
 from sonar_explore.planning.candidates import Candidate
 from sonar_explore.planning.driving import DriveEnd
 from sonar_explore.planning.paths import PlanningConfig, SafePaths
+from sonar_explore.planning.surroundings import Surroundings
 from sonar_explore.slam import make_slam
 
 CONFIG = ExplorationConfig().with_noise("ideal")
@@ -184,7 +185,9 @@ def test_a_leg_ends_where_a_scan_hears_a_wall_or_after_three_where_none_would(wa
     states = np.full((100, 200), FREE, dtype=np.uint8)
     states[:, round(wall_m / 0.05)] = OCCUPIED
     states[45:55, round(wall_m / 0.05)] = FREE  # a door
-    explorer._surroundings._grids[False] = OccupancyGrid(GridFrame(0.0, 0.0, 0.05, states.shape), states)
+    explorer._surroundings._grids[False, False] = OccupancyGrid(
+        GridFrame(0.0, 0.0, 0.05, states.shape), states
+    )
     leg = explorer._first_leg(np.array([[0.0, 2.5], [9.9, 2.5]]))
     assert leg[-1] == pytest.approx([stop_m, 2.5], abs=0.3)
 
@@ -249,3 +252,23 @@ def test_an_explorer_that_nobody_needs_goes_at_once():
         assert gone() is None
     finally:
         gc.enable()
+
+
+def test_the_map_of_the_last_scans_alone_has_no_wall_and_no_room_of_those_before():
+    config = replace(CONFIG, slam=replace(CONFIG.slam, odometry=replace(CONFIG.slam.odometry, enabled=False)))
+    robot = Simulator(CORRIDOR, config.simulator, np.random.default_rng(0))
+    slam = make_slam("chain", Pose(0, 0, 0), config.slam)
+    surroundings = Surroundings(slam, config)
+    for x in (0.0, 6.0):
+        slam.place(Pose(x, 0.0, 0.0))
+        robot.true_pose = Pose(x, 0.0, 0.0)
+        scan = robot.scan(1)
+        surroundings.add_scan(scan, slam.update(scan).features)
+    whole = surroundings.grid
+    surroundings.latest, surroundings.latest_from = True, 1
+    lately, at = surroundings.grid, surroundings.scan_positions
+    assert at.tolist() == [[6.0, 0.0]]
+    assert whole.free[whole.frame.cell(0.0, 0.0)] and whole.occupied[whole.frame.cell(0.0, 0.8)]
+    assert lately.free[lately.frame.cell(6.0, 0.0)] and lately.frame.x0 > 1.0
+    surroundings.latest = False
+    assert surroundings.grid is whole

@@ -40,8 +40,9 @@ FAR_FIND_SHARE = 0.1  # or, where that is more, so much of the way driven till t
 # of the way driven may be spent on meeting dangling chains where nothing new is to be seen,
 LINK_SHARE = 0.05
 LINK_LEAST_M = 3.0  # [m], and so much more: where the pose is off, every scan leaves chains that dangle
-RETRACES = 4  # times that the way it came may turn out shut: it has moved with poses that were corrected
+RETRACES = 4  # times that the way it came may turn out shut, or one that the last scans lead
 CUT_OFF_M2 = 1.0  # [m2] of room that only the way it came leads to: the map shuts what was open
+LATEST = 20  # scans that stand right to each other, however the map is turned
 SAME_PLACE_M = 0.05  # nearer to a place put aside is that place: elsewhere the robot has stood
 SHUT_NEAR_M = 1.5  # stopped farther from a place than this, the way was shut and not the place
 
@@ -93,8 +94,10 @@ class Offers:
         self._closing = False
         self._loop_goals: list[Anchored] = []
         """Where those drives ended, or should have, anchored."""
+        self._free_m2_afresh = -math.inf
+        """When it last began afresh."""
         self._retraces = RETRACES
-        """How often it may still set out on the way that it came."""
+        """How often it may still set out on the way that it came, or afresh."""
         self._far_m = FAR_LEAST_M
         """What may be spent on daring and doubts farther off than `NEAR_M`, [m]."""
         self._links_m = LINK_LEAST_M
@@ -109,7 +112,7 @@ class Offers:
     def now(self, pose: Pose) -> tuple[Candidate, ...]:
         """What to choose from at this pose; leaves the surroundings as they were taken for it."""
         self._closing = self._chancing = False
-        self._surroundings.retracing = False
+        self._surroundings.retracing = self._surroundings.latest = False
         self._aside = self._put_aside(pose)
         candidates: tuple[Candidate, ...] = ()
         for offer in (self._safe, self._dared, self._doubted_walls):
@@ -124,7 +127,7 @@ class Offers:
             candidates = candidates or self._before_the_end(pose)
             candidates = candidates or self._chance_underway(pose) or self._second_chance(pose)
             if not candidates and (hemmed_in or self._is_cut_off(pose)):
-                candidates = self._past_bounds(pose) or self._back_out(pose)
+                candidates = self._afresh(pose) or self._past_bounds(pose) or self._back_out(pose)
         if not candidates:
             self.gave_up = self._is_kept_from_something(pose) or self._is_cut_off(pose)
             candidates = self._close_a_loop(pose)
@@ -143,7 +146,7 @@ class Offers:
         nothing_new = candidate.new_area_m2 < self._config.candidates.least_area_m2
         self._links_m += -driven_m if candidate.missing_links and nothing_new else LINK_SHARE * driven_m
         place = candidate.x, candidate.y
-        if self._surroundings.retracing:
+        if self._surroundings.retracing or self._surroundings.latest:
             self._retraces = self._retraces - 1 if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED) else RETRACES
         if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED):
             self._shut.append(
@@ -201,7 +204,7 @@ class Offers:
         here = self._surroundings
         tried = self._tried if self._links_m > 0.0 else None
         paths = here.near_paths(pose, reach_m) if near else here.paths(pose, reach_m)
-        taken_as = here.doubtful, here.daring, here.retracing
+        taken_as = here.doubtful, here.daring, here.retracing, here.latest
         taken = *taken_as, pose.x, pose.y, paths.within_m, worth
         key = (here.version, *taken, tuple(places), tried is None or tuple(sorted(tried.items())))
         if key not in self._found:
@@ -269,6 +272,23 @@ class Offers:
         more = int(np.count_nonzero(here.paths(pose).within)) - cells
         here.retracing = False
         return more * here.resolution_m**2 >= CUT_OFF_M2
+
+    def _afresh(self, pose: Pose) -> tuple[Candidate, ...]:
+        """Where most of the map is cut off: what the last scans alone lead to, first where the map has no way and then
+        all about, as if the robot had begun among them. Where the map is turned its walls stand in the one door, but
+        the last scans stand right to each other."""
+        if not self._retraces:
+            return ()
+        here = self._surroundings
+        here.retracing, here.daring = False, True
+        if here.free_m2 >= self._free_m2_afresh + SECOND_CHANCE_AFTER_M2:
+            self._free_m2_afresh, here.latest_from = here.free_m2, max(0, here.scans - LATEST)
+        self._free_m2_afresh = min(self._free_m2_afresh, here.free_m2)
+        on_the_map = here.paths(pose)
+        here.latest = True
+        found = self._candidates(pose, self._aside)
+        here.latest = bool(found)
+        return tuple(c for c in found if on_the_map.to(c.x, c.y) is None) or found
 
     def _past_bounds(self, pose: Pose) -> tuple[Candidate, ...]:
         """Where most of the map is cut off: what is to be seen if bounds are none. One heard from far off stands aside

@@ -6,6 +6,7 @@ import math
 import operator
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,9 @@ Anchored = tuple[int, Pose]
 """A place: index of a scan, and where the place is in that scan's frame (the heading says nothing)."""
 
 
+_Plan = tuple[tuple[int, int], bool, bool, bool, bool]
+"""Where paths begin, row and column, and how the map is taken."""
+
 FRESH_M = 6.0  # [m]: scans farther off than this may be drawn a little off, until all of the map is asked for
 
 
@@ -38,7 +42,8 @@ class Surroundings:
         self._config = config
         body = config.simulator.robot
         self._radius_m = body.radius_m
-        self._mapper = OccupancyMapper(config.mapping, body.radius_m, body.range_reliable_m)
+        self._new_mapper = partial(OccupancyMapper, config.mapping, body.radius_m, body.range_reliable_m)
+        self._mapper = self._new_mapper()
         self._looks: list[Look] = []
         self._trails: list[Array] = []
         """Where the body has been since each scan, in that scan's frame,"""
@@ -46,11 +51,11 @@ class Surroundings:
         """and where since the last of them was looked at."""
         self._obstacles: list[tuple[int, Array]] = []
         """Where the ring shut the way: index of the last scan, and a piece of wall in its robot frame."""
-        self._grids: dict[bool, OccupancyGrid] = {}
-        """Of the map as it is, believed and doubted: whichever was asked for."""
-        self._plans: dict[tuple[bool, tuple[int, int], bool, bool], dict[float, SafePaths]] = {}
+        self._grids: dict[tuple[bool, bool], OccupancyGrid] = {}
+        """Of the map as it is, believed and doubted, of all scans and of the last: whichever was asked for."""
+        self._plans: dict[_Plan, dict[float, SafePaths]] = {}
         """By how far they look,"""
-        self._searches: dict[tuple[bool, tuple[int, int], bool, bool], SafePaths] = {}
+        self._searches: dict[_Plan, SafePaths] = {}
         """and as far as anybody has looked."""
         self._scans: tuple[ScanEntry, ...] = ()
         """Those of the map drawn last,"""
@@ -67,23 +72,30 @@ class Surroundings:
         """Whether only what is sure of the walls is believed."""
         self.retracing = False
         """Whether where the body has been is open, whatever the map says."""
+        self.latest = False
+        """Whether the map is that of the last scans alone,"""
+        self.latest_from = 0
+        """which are those from this one on."""
         self._bounded = True
         """Whether bounds stand where the map is doubted."""
 
     @property
     def grid(self) -> OccupancyGrid:
         """The map; there from the first scan on. Drawn when somebody looks at it."""
-        if self.doubtful not in self._grids:
-            self._grids[self.doubtful] = self._mapper.draw(
-                self._poses(),
-                self._looks,
-                self._trails_so_far(),
-                self._obstacles,
+        taken_as = self.doubtful, self.latest
+        if taken_as not in self._grids:
+            first = self.latest_from if self.latest else 0
+            mapper = self._new_mapper() if self.latest else self._mapper
+            self._grids[taken_as] = mapper.draw(
+                self._poses()[first:],
+                self._looks[first:],
+                self._trails_so_far()[first:],
+                [(scan - first, piece) for scan, piece in self._obstacles if scan >= first],
                 doubtful=self.doubtful,
                 bounded=self._bounded,
                 fresh_m=math.inf if self._everywhere else FRESH_M,
             )
-        return self._grids[self.doubtful]
+        return self._grids[taken_as]
 
     @property
     def resolution_m(self) -> float:
@@ -103,6 +115,8 @@ class Surroundings:
     @property
     def scan_positions(self) -> Array:
         """x y of every scan, shape (n, 2), map frame, [m]."""
+        if self.latest:
+            return np.array([(e.pose.x, e.pose.y) for e in self._slam.scans[self.latest_from :]])
         if self._scan_positions is None:
             assert self.grid  # drawn of all of them
             self._scan_positions = self._mapper.scan_positions
@@ -115,7 +129,8 @@ class Surroundings:
         far = far_walls(scan, self._config.slam, self._config.mapping.far_wall_m)
         self._looks.append(replace(look, bounds=far))
         self._trails.append(np.zeros((1, 2)))
-        self.doubtful, self._bounded = False, True
+        self.doubtful = self.latest = False
+        self._bounded = True
         self._changed()
 
     def add_body(self, poses: Sequence[Pose]) -> None:
@@ -208,7 +223,7 @@ class Surroundings:
         as the map is taken, and no safe way on the map that is believed."""
         taken_as = self._taken_as
         within = self.paths_as_far_as(pose, way_m).within
-        self._taken_as = (False, False, False)
+        self._taken_as = (False, False, False, False)
         beyond = within & ~self.paths(pose).within
         self._taken_as = taken_as
         frame, found = self.grid.frame, []
@@ -226,7 +241,8 @@ class Surroundings:
         safe ones on the map that is believed. A place worth a doubt is no reason to drive through walls on the way.
         """
         taken_as = self._taken_as
-        for ways in sorted({(False, False, False), (False, self.daring, False), taken_as}):
+        believed = [(False, False, False, False), (False, self.daring, False, False)]
+        for ways in sorted({taken_as} if self.latest else {*believed, taken_as}):
             self._taken_as = ways
             paths = self.paths_as_far_as(pose, way_m if ways == taken_as else max(way_m, detour_m))
             self._taken_as = taken_as
@@ -244,16 +260,16 @@ class Surroundings:
         return self._mapper.recent_points
 
     @property
-    def _taken_as(self) -> tuple[bool, bool, bool]:
-        """How the map is taken: doubtful, daring, retracing."""
-        return self.doubtful, self.daring, self.retracing
+    def _taken_as(self) -> tuple[bool, bool, bool, bool]:
+        """How the map is taken: doubtful, daring, retracing, and of the last scans alone."""
+        return self.doubtful, self.daring, self.retracing, self.latest
 
     @_taken_as.setter
-    def _taken_as(self, ways: tuple[bool, bool, bool]) -> None:
-        self.doubtful, self.daring, self.retracing = ways
+    def _taken_as(self, ways: tuple[bool, bool, bool, bool]) -> None:
+        self.doubtful, self.daring, self.retracing, self.latest = ways
 
-    def _plan_of(self, pose: Pose) -> tuple[bool, tuple[int, int], bool, bool]:
-        return self.doubtful, self.grid.frame.cell(pose.x, pose.y), self.daring, self.retracing
+    def _plan_of(self, pose: Pose) -> _Plan:
+        return self.grid.frame.cell(pose.x, pose.y), *self._taken_as
 
     def _known_paths(self, pose: Pose) -> dict[float, SafePaths]:
         return self._plans.setdefault(self._plan_of(pose), {})

@@ -21,6 +21,7 @@ from sonar_explore.planning.offers import (
     FAR_LEAST_M,
     FAR_SHARE,
     FEW_M,
+    LATEST,
     LINK_LEAST_M,
     LINK_SHARE,
     NEAR_M,
@@ -46,6 +47,11 @@ class Land:
     retracing = False
     retraced = False
     """Whether the way that the robot came leads there."""
+    latest, latest_from, scans = False, 0, 100
+    seen_lately: tuple[Candidate, ...] = ()
+    """What the last scans alone lead to."""
+    on_the_map: tuple[Candidate, ...] = ()
+    """What of it the whole map leads to as well."""
     only_by_track_m2 = 0.0
     """Room that nothing but the way it came leads to."""
     behind_m2 = 2.0
@@ -80,8 +86,13 @@ class Land:
     def paths(self, pose, within_m=np.inf):
         beyond = round(self.only_by_track_m2 / self.resolution_m**2)
         within = np.array([not self.shut_in] + beyond * [self.retracing])
+        known = {(c.x, c.y): np.zeros((2, 2)) for c in self.on_the_map}
         return SimpleNamespace(
-            within=within, room_m=np.arange(len(within)) < 1, least_room_m=0.2, within_m=within_m
+            within=within,
+            room_m=np.arange(len(within)) < 1,
+            least_room_m=0.2,
+            within_m=within_m,
+            to=lambda x, y: known.get((x, y)),
         )
 
     def near_paths(self, pose, within_m):
@@ -98,9 +109,10 @@ class Land:
     def find(self, grid, paths, chains, scanned, put_aside, tried, worth=None):
         return tuple(
             c
-            for c in self.places
+            for c in (self.seen_lately if self.latest else self.places)
             if (
                 self.safe
+                or self.latest
                 or self.doubtful
                 or (self.dared and self.daring)
                 or (self.retraced and self.retracing)
@@ -243,6 +255,36 @@ def test_a_robot_that_its_map_shuts_in_goes_back_the_way_it_came_but_not_for_eve
     for _ in range(RETRACES):
         assert try_one(offers, land, DriveEnd.BLOCKED, HERE) and land.retracing
     assert offers.now(HERE) == () and not land.retracing
+
+
+@pytest.mark.parametrize("shut_in", [False, True])
+def test_only_a_robot_that_its_map_shuts_in_believes_its_last_scans_alone_and_those_from_then_on(shut_in):
+    land = Land()
+    land.shut_in, land.seen_lately = shut_in, (place(1.0, 0.0), place(2.0, 0.0))
+    offers = offers_in(land)
+    assert offers.now(HERE) == (land.seen_lately if shut_in else ()) and land.latest == shut_in
+    assert land.latest_from == (land.scans - LATEST if shut_in else 0)
+    land.scans, land.version = land.scans + 5, 1
+    offers.now(HERE)
+    assert land.latest_from == (land.scans - 5 - LATEST if shut_in else 0)
+    land.seen_lately, land.version = (), 2
+    assert offers.now(HERE) == () and not land.latest
+
+
+def test_of_what_the_last_scans_lead_to_what_lies_beyond_the_map_comes_first():
+    land = Land()
+    land.shut_in, land.seen_lately = True, (place(1.0, 0.0), place(2.0, 0.0))
+    land.on_the_map = land.seen_lately[:1]
+    assert offers_in(land).now(HERE) == land.seen_lately[1:]
+
+
+def test_nobody_believes_the_last_scans_for_ever_if_their_ways_are_shut():
+    land = Land()
+    land.shut_in, land.seen_lately = True, tuple(place(float(x), 0.0) for x in range(9, 9 + RETRACES + 2))
+    offers = offers_in(land)
+    for _ in range(RETRACES):
+        assert try_one(offers, land, DriveEnd.BLOCKED, HERE) and land.latest
+    assert offers.now(HERE) == () and not land.latest
 
 
 @pytest.mark.parametrize("shut_in", [False, True])
