@@ -130,7 +130,7 @@ class Explorer:
 
     def observe(self, scan: Scan) -> ScanUpdate:
         """Take a scan from the robot or from a log: correct the pose, draw the map."""
-        self._surroundings.add_passed(self._driver.walls_passed())
+        self._surroundings.add_passed(*self._driver.walls_passed())
         update = self._slam.update(scan)
         self._driver.forget()
         self._heard_nothing = not update.features

@@ -272,3 +272,26 @@ def test_the_map_of_the_last_scans_alone_has_no_wall_and_no_room_of_those_before
     assert lately.free[lately.frame.cell(6.0, 0.0)] and lately.frame.x0 > 1.0
     surroundings.latest = False
     assert surroundings.grid is whole
+
+
+def test_what_is_hearsay_shuts_nothing_once_it_is_not_believed_until_the_next_scan():
+    _, explorer = explorer_in()
+    explorer.look()
+    surroundings = explorer._surroundings
+    across, sure = np.array([[0.7, -0.8, 0.7, 0.8]]), np.array([[-0.7, -0.8, -0.7, 0.8]])
+    open_m2 = surroundings.free_m2
+    surroundings.add_passed(np.vstack([across, sure]), sure)
+    surroundings.believe_hearsay(False)
+    less_m2 = surroundings.free_m2
+    surroundings.believe_hearsay(True)
+    assert surroundings.free_m2 < less_m2 < open_m2
+    surroundings.believe_hearsay(False)
+    explorer.look()
+    assert surroundings.hearsay
+
+
+def test_the_hull_tells_how_far_within_what_is_known_a_place_lies():
+    _, explorer = explorer_in()
+    explorer.look()
+    outside_m = (explorer._surroundings.hull @ np.array([[0.0, 0.0, 1.0], [0.0, 1.8, 1.0]]).T).max(axis=0)
+    assert outside_m == pytest.approx([-0.75, 1.05], abs=0.1)

@@ -130,8 +130,9 @@ class Driver:
         self._passing.forget()
         self._listened = False
 
-    def walls_passed(self) -> Array:
-        """Pieces of wall that the ring was sure of since the last scan, shape (n, 4), map frame, [m]."""
+    def walls_passed(self) -> tuple[Array, Array]:
+        """Pieces of wall that the ring heard since the last scan, and those of them that are none of two jambs, shape
+        (n, 4) both, map frame, [m]."""
         return self._passing.walls()
 
     def _to(self, x: float, y: float) -> DriveReport | None:

@@ -29,6 +29,7 @@ DOUBT_AREA_ENOUGH_M2 = 1.5  # more counts for nothing, outside is any amount: so
 BEHIND_M2 = 0.25  # [m2] free that only daring or doubt leads to make a place worth that,
 BEHIND_M = 2.0  # [m], where they lie within so much of it: a room whose door looks shut was seen into
 DOOR_M2 = 0.9  # of a room so much is seen from before its door: worth any way where nothing else is left
+WITHIN_M = 0.5  # and so far within the hull of what is known, [m], a wall is hardly the building's own
 FEW_M = 30.0  # [m]: where no more was driven and nothing seems left, a door that looks shut is likelier than a hut
 DOUBTED_M = 0.75  # places nearer to one that was tried so are not tried again
 SECOND_CHANCE_AFTER_M2 = 4.0  # of free space found since the last one
@@ -73,6 +74,7 @@ class Offers:
         self._before_doors = replace(worth, enough_m2=min(DOOR_M2, worth.enough_m2))
         least_room_m = min(worth.least_room_narrow_m, worth.least_room_m)
         self._in_doors = replace(self._before_doors, least_room_m=least_room_m)
+        self._rooms = replace(worth, least_area_m2=worth.enough_m2)
         self._blindly = replace(worth, enough_m2=min(DOUBT_AREA_M2, worth.enough_m2))
         self._found: dict[tuple[object, ...], tuple[Candidate, ...]] = {}
         self._shut: list[_Shut] = []
@@ -124,7 +126,7 @@ class Offers:
             far_m, hemmed_in = max(NEAR_M, self._far_m), self._is_hemmed_in(pose)
             candidates = self._dared(pose, math.inf if hemmed_in else far_m)
             candidates = candidates or self._doubted_walls(pose, far_m)
-            candidates = candidates or self._before_the_end(pose)
+            candidates = candidates or self._before_the_end(pose) or self._past_hearsay(pose)
             candidates = candidates or self._chance_underway(pose) or self._second_chance(pose)
             if not candidates and (hemmed_in or self._is_cut_off(pose)):
                 candidates = self._afresh(pose) or self._past_bounds(pose) or self._back_out(pose)
@@ -157,7 +159,8 @@ class Offers:
         self.goal = place if end is DriveEnd.UNDERWAY else None
         if self._chancing:
             self._chance = self._surroundings.anchored(*place) if end is DriveEnd.UNDERWAY else None
-        if self._surroundings.doubtful and end is not DriveEnd.UNDERWAY:
+        in_doubt = self._surroundings.doubtful or not self._surroundings.hearsay
+        if in_doubt and end is not DriveEnd.UNDERWAY:
             self._doubts -= 1
             # it looks from here, wherever it was going
             self._doubted.append(self._surroundings.anchored(here.x, here.y))
@@ -246,6 +249,34 @@ class Offers:
             found = found or self._doubted_walls(pose, far_m, blindly=True)
         return found
 
+    def _past_hearsay(self, pose: Pose) -> tuple[Candidate, ...]:
+        """Places that show a room if walls passed far off are none: what was heard may be the jambs of a door. By safe
+        ways, then by daring ones where the robot has seen into what lies behind; none at the rim of what is known,
+        where such a wall is the building's own."""
+        here = self._surroundings
+        if not self._doubts:
+            return ()
+        hull = here.hull
+        here.believe_hearsay(False)
+        here.daring = False
+        found = self._rooms_within(pose, hull)
+        if not found:
+            here.daring = True
+            found = self._leading_on(pose, self._rooms_within(pose, hull))
+        if not found:
+            here.believe_hearsay(True)
+        return found
+
+    def _rooms_within(self, pose: Pose, hull: Array) -> tuple[Candidate, ...]:
+        places = self._not_looked_from(self._near(pose, math.inf, self._rooms))
+        rooms = [c for c in places if c.new_area_m2 >= self._rooms.least_area_m2]
+        return tuple(c for c in rooms if (hull @ (c.x, c.y, 1.0)).max() <= -WITHIN_M)
+
+    def _not_looked_from(self, places: Sequence[Candidate]) -> tuple[Candidate, ...]:
+        """Those of the places near which the robot has not looked in doubt yet."""
+        looked = self._surroundings.placed(self._doubted)
+        return tuple(c for c in places if all(math.hypot(x - c.x, y - c.y) > DOUBTED_M for x, y in looked))
+
     def _leading_on(self, pose: Pose, places: Sequence[Candidate]) -> tuple[Candidate, ...]:
         """Those of the places about which enough is free that no safe way on the map that is believed leads to."""
         if not places:
@@ -328,12 +359,8 @@ class Offers:
             return ()
         here.daring = True
         here.believe(doubtful=True)
-        doubted = here.placed(self._doubted)
-        found = tuple(
-            c
-            for c in self._near(pose, within_m, self._blindly if blindly else None)
-            if _is_worth_a_doubt(c) and all(math.hypot(x - c.x, y - c.y) > DOUBTED_M for x, y in doubted)
-        )
+        places = self._not_looked_from(self._near(pose, within_m, self._blindly if blindly else None))
+        found = tuple(c for c in places if _is_worth_a_doubt(c))
         found = found if blindly else self._leading_on(pose, found)
         if found:
             x, y = self.goal or (math.inf, math.inf)

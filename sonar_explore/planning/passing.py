@@ -17,6 +17,7 @@ from sonar_explore.geometry import Array
 
 NEAREST_M = 0.15  # the dead zone
 FARTHEST_M = 2.5  # farther off, rooms are left out for walls heard amiss
+SURE_M = 1.3  # and nearer than this no wall is heard amiss
 LINE_M = 0.03  # feet this near to one line,
 TURN_RAD = math.radians(12.0)  # under axes this alike, are of one wall
 # of an echo inside a wall, another lies so far to either side: those of one edge spread less
@@ -43,10 +44,11 @@ class Passing:
         """A scan was taken."""
         self._poses, self._rings = [], [self._rings[-1][-1:]]
 
-    def walls(self) -> Array:
-        """Pieces of wall that it was sure of on the way, shape (n, 4), map frame, [m]."""
+    def walls(self) -> tuple[Array, Array]:
+        """Pieces of wall on the way, and those that it is sure of for they were heard from near by, shape (n, 4) both,
+        map frame, [m]."""
         if not self._poses:
-            return np.zeros((0, 4))
+            return np.zeros((0, 4)), np.zeros((0, 4))
         rings = np.concatenate(self._rings)
         tick, disc = np.nonzero(rings[1:] != rings[:-1])
         heard = rings[1:][tick, disc]
@@ -56,7 +58,8 @@ class Passing:
         mount_x, mount_y, axis = self._mounts[disc].T
         c, s, axis = np.cos(heading), np.sin(heading), heading + axis
         discs = np.column_stack([x + c * mount_x - s * mount_y, y + s * mount_x + c * mount_y])
-        return walls_along(discs + heard[:, None] * _along(axis), axis)
+        feet, sure = discs + heard[:, None] * _along(axis), heard <= SURE_M
+        return walls_along(feet, axis), walls_along(feet[sure], axis[sure])
 
 
 def walls_along(feet: Array, axes_rad: Array) -> Array:

@@ -45,6 +45,8 @@ class Surroundings:
         self._new_mapper = partial(OccupancyMapper, config.mapping, body.radius_m, body.range_reliable_m)
         self._mapper = self._new_mapper()
         self._looks: list[Look] = []
+        self._sure_looks: list[Look] = []
+        """The same without hearsay: walls passed that may be two jambs."""
         self._trails: list[Array] = []
         """Where the body has been since each scan, in that scan's frame,"""
         self._been: list[tuple[float, float]] = []
@@ -78,6 +80,8 @@ class Surroundings:
         """which are those from this one on."""
         self._bounded = True
         """Whether bounds stand where the map is doubted."""
+        self.hearsay = True
+        """Whether walls passed that may be two jambs are believed."""
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -85,10 +89,11 @@ class Surroundings:
         taken_as = self.doubtful, self.latest
         if taken_as not in self._grids:
             first = self.latest_from if self.latest else 0
+            looks = self._looks if self.hearsay else self._sure_looks
             mapper = self._new_mapper() if self.latest else self._mapper
             self._grids[taken_as] = mapper.draw(
                 self._poses()[first:],
-                self._looks[first:],
+                looks[first:],
                 self._trails_so_far()[first:],
                 [(scan - first, piece) for scan, piece in self._obstacles if scan >= first],
                 doubtful=self.doubtful,
@@ -113,6 +118,15 @@ class Surroundings:
         return float(np.count_nonzero(self.grid.free)) * self.grid.frame.resolution_m**2
 
     @property
+    def hull(self) -> Array:
+        """Convex hull of what is free as the map is taken: a x + b y + c is how far a place lies outside of each of its
+        sides, rows a b c, shape (n, 3), [m]."""
+        from scipy.spatial import ConvexHull  # here: 6 MB that most decisions do without
+
+        free = np.argwhere(self.grid.free)
+        return np.asarray(ConvexHull(self.grid.frame.centres(free)).equations)
+
+    @property
     def scan_positions(self) -> Array:
         """x y of every scan, shape (n, 2), map frame, [m]."""
         if self.latest:
@@ -128,9 +142,10 @@ class Surroundings:
         look = look_of(scan, features, self._config.mapping)
         far = far_walls(scan, self._config.slam, self._config.mapping.far_wall_m)
         self._looks.append(replace(look, bounds=far))
+        self._sure_looks.append(self._looks[-1])
         self._trails.append(np.zeros((1, 2)))
         self.doubtful = self.latest = False
-        self._bounded = True
+        self._bounded = self.hearsay = True
         self._changed()
 
     def add_body(self, poses: Sequence[Pose]) -> None:
@@ -138,13 +153,14 @@ class Surroundings:
         map_in_scan = self._slam.scans[-1].pose.inverse()
         self._been += [(at.x, at.y) for at in (map_in_scan @ here for here in poses)]
 
-    def add_passed(self, walls: Array) -> None:
-        """Pieces of wall that the ring was sure of since the last scan, shape (n, 4), map frame, [m]; on the map from
-        the next change on."""
+    def add_passed(self, walls: Array, sure: Array) -> None:
+        """Pieces of wall that the ring heard since the last scan, and those of them that are none of two jambs, shape
+        (n, 4) both, map frame, [m]; on the map from the next change on."""
         if len(walls):
-            in_scan = self._slam.scans[-1].pose.inverse().transform(walls.reshape(-1, 2)).reshape(-1, 4)
-            look = self._looks[-1]
-            self._looks[-1] = replace(look, bounds=np.vstack([look.bounds, in_scan]))
+            map_in_scan = self._slam.scans[-1].pose.inverse()
+            for looks, passed in (self._looks, walls), (self._sure_looks, sure):
+                in_scan = map_in_scan.transform(passed.reshape(-1, 2)).reshape(-1, 4)
+                looks[-1] = replace(looks[-1], bounds=np.vstack([looks[-1].bounds, in_scan]))
 
     def add_obstacle(self, here: Pose, obstacle: Array) -> None:
         """A piece of wall shut the way; shape (n, 2), in the frame of the robot, which is here, [m]."""
@@ -178,6 +194,12 @@ class Surroundings:
         """Whether bounds stand where the map is doubted; they do again with the next scan."""
         if self._bounded != believed:
             self._bounded = believed
+            self._changed()
+
+    def believe_hearsay(self, believed: bool) -> None:
+        """Whether walls passed that may be two jambs are believed; they are again with the next scan."""
+        if self.hearsay != believed:
+            self.hearsay = believed
             self._changed()
 
     def look_everywhere(self) -> bool:

@@ -27,6 +27,7 @@ from sonar_explore.planning.offers import (
     NEAR_M,
     RETRACES,
     SHUT_NEAR_M,
+    WITHIN_M,
     Offers,
 )
 
@@ -57,12 +58,14 @@ class Land:
     behind_m2 = 2.0
     """What is free behind each place, and no safe way leads to."""
     resolution_m = 0.05
+    hull = np.array([[0.0, 0.0, -1.0]])
+    """All lies a metre within it."""
     drifted = False
     """Whether scans far away are drawn elsewhere than they are believed to stand: no way leads there on such a map."""
 
     def __init__(self, *places):
         self.places, self.version, self.doubtful, self.daring, self.free_m2 = places, 0, False, False, 50.0
-        self.correction_m, self.bounded = 0.0, True
+        self.correction_m, self.bounded, self.hearsay = 0.0, True, True
         self.grid, self.scan_positions, self.safe = None, np.zeros((0, 2)), False
 
     def believe(self, *, doubtful):
@@ -71,6 +74,10 @@ class Land:
     def believe_bounds(self, believed):
         self.version += believed != self.bounded
         self.bounded = believed
+
+    def believe_hearsay(self, believed):
+        self.version += believed != self.hearsay
+        self.hearsay = believed
 
     def look_everywhere(self):
         drifted, self.drifted, self.safe = self.drifted, False, self.drifted
@@ -224,8 +231,12 @@ def test_what_is_far_and_doubtful_is_tried_again_once_that_is_a_small_share_of_t
         """What shows less than a room does from before its door."""
 
         def find(self, grid, paths, chains, scanned, put_aside, tried, worth=None):
-            lenient = worth is not None and worth.enough_m2 <= DOOR_M2
-            return () if lenient else super().find(grid, paths, chains, scanned, put_aside, tried, worth)
+            asks_for_a_room = worth is not None and (
+                worth.enough_m2 <= DOOR_M2 or worth.least_area_m2 >= worth.enough_m2
+            )
+            if asks_for_a_room:
+                return ()
+            return super().find(grid, paths, chains, scanned, put_aside, tried, worth)
 
     land = Crumbs(place(9.0, 0.0, FAR_M), place(20.0, 0.0, FAR_M))
     land.dared = dared
@@ -297,6 +308,44 @@ def test_a_robot_that_its_map_shuts_in_tries_what_bounds_shut_before_the_way_it_
     land.shut_in = shut_in
     assert offers_in(land).now(HERE) == (land.places if shut_in else ())
     assert land.bounded != shut_in and land.doubtful == shut_in and not land.retracing
+
+
+@pytest.mark.parametrize("daring", [False, True])
+@pytest.mark.parametrize("behind_m2", [0.5 * BEHIND_M2, 2.0 * BEHIND_M2])
+def test_before_the_end_a_room_is_looked_for_behind_walls_passed_far_off_but_from_no_place_twice(
+    daring, behind_m2
+):
+    class Jambs(Land):
+        def find(self, grid, paths, chains, scanned, put_aside, tried, worth=None):
+            return () if self.doubtful or self.hearsay or self.daring != daring else self.places
+
+    land = Jambs(place(9.0, 0.0, 20.0))
+    land.behind_m2 = behind_m2
+    offers = offers_in(land)
+    found = try_one(offers, land, DriveEnd.ARRIVED, Pose(9.0, 0.0, 0.0))
+    assert found == (() if daring and behind_m2 < BEHIND_M2 else land.places)
+    land.believe_hearsay(True)
+    assert offers.now(HERE) == () and land.hearsay
+
+
+@pytest.mark.parametrize("within_m", [0.5 * WITHIN_M, 2.0 * WITHIN_M])
+def test_behind_a_wall_passed_at_the_rim_of_what_is_known_no_room_is_looked_for(within_m):
+    class Outer(Land):
+        def find(self, grid, paths, chains, scanned, put_aside, tried, worth=None):
+            return () if self.doubtful or self.hearsay else self.places
+
+    land = Outer(place(9.0, 0.0, 20.0))
+    land.hull = np.array([[0.0, 0.0, -9.0], [1.0, 0.0, -9.0 - within_m]])
+    assert bool(offers_in(land).now(HERE)) == (within_m > WITHIN_M)
+
+
+def test_what_is_less_than_a_room_is_no_reason_to_doubt_walls_passed_far_off():
+    class Crumb(Land):
+        def find(self, grid, paths, chains, scanned, put_aside, tried, worth=None):
+            return () if self.doubtful or self.hearsay else self.places
+
+    land = Crumb(replace(place(9.0, 0.0, 20.0), new_area_m2=1.0, missing_links=(7,)))
+    assert offers_in(land).now(HERE) == ()
 
 
 @pytest.mark.parametrize("retraced", [False, True])

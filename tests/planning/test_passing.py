@@ -20,6 +20,7 @@ from sonar_explore.planning.passing import (
     HALF_LENGTH_M,
     JOINED_M,
     LINE_M,
+    SURE_M,
     TURN_RAD,
     _sort_by_wall,
     walls_along,
@@ -49,7 +50,8 @@ def driven_along(walls, way):
 @pytest.mark.parametrize("beside_m", [0.4, 0.7, 1.0, 1.7, 2.3])
 def test_most_of_a_wall_is_sure_once_the_robot_has_driven_along_it(beside_m):
     driver = driven_along([[-1, beside_m, 4, beside_m]], [(0.0, 0.0), (3.0, 0.0)])
-    pieces = driver.walls_passed()
+    pieces, sure = driver.walls_passed()
+    assert np.array_equal(sure, pieces) if beside_m < SURE_M else not len(sure)
     assert np.abs(pieces[:, [1, 3]] - beside_m).max() < 0.05
     low, high = pieces[:, [0, 2]].min(axis=1), pieces[:, [0, 2]].max(axis=1)
     known = np.arange(0.3, 2.7, 0.05)
@@ -66,7 +68,7 @@ def test_a_door_that_the_robot_drives_past_stays_wide_enough_for_it(beside_m):
         [door[0], beside_m, door[0], beside_m + wall],
         [door[1], beside_m, door[1], beside_m + wall],
     ]
-    pieces = driven_along(walls, [(0.0, 0.0), (3.0, 0.0)]).walls_passed()
+    pieces, _ = driven_along(walls, [(0.0, 0.0), (3.0, 0.0)]).walls_passed()
     assert len(pieces)
     along = np.sort(pieces[:, [0, 2]], axis=1)
     left, right = along[along[:, 0] < 1.5], along[along[:, 1] > 1.5]
@@ -77,7 +79,31 @@ def test_a_door_that_the_robot_drives_past_stays_wide_enough_for_it(beside_m):
 @pytest.mark.parametrize("beside_m", [0.4, 0.8, 1.2, 1.5, 1.8, 2.2])
 def test_the_end_of_a_wall_that_points_at_the_way_is_no_wall_beside_it(beside_m):
     driver = driven_along([[1.5, beside_m, 1.5, beside_m + 3.0]], [(0.0, 0.0), (3.0, 0.0)])
-    assert driver.walls_passed().shape == (0, 4)
+    assert not any(map(len, driver.walls_passed()))
+
+
+AT_A_DOOR = (
+    [(0.52, 2.45), (-0.01, 2.1), (0.06, 1.7), (0.57, 1.2)],
+    [(0.44, 2.45), (-0.97, 2.1), (0.52, 1.7), (0.03, 1.2)],
+    [(-0.48, 2.45), (-0.52, 2.1), (0.78, 1.7), (-0.55, 1.2)],
+)
+
+
+@pytest.mark.parametrize("way", AT_A_DOOR)
+def test_two_jambs_that_the_robot_drives_at_look_like_a_wall_but_are_never_a_sure_one(way):
+    half, wall = 0.4, 0.12
+    walls = [[side * half, y, side * 3.4, y] for side in (-1, 1) for y in (0.0, -wall)]
+    walls += [[side * half, 0.0, side * half, -wall] for side in (-1, 1)]
+    heard, sure = driven_along(walls, way).walls_passed()
+    assert shut(heard, half) and not shut(sure, half)
+
+
+def shut(pieces, half):
+    """Whether a piece of wall stands in the door by more than a jamb may stand in it."""
+    low, high = np.sort(pieces[:, [0, 2]], axis=1).T
+    across = np.abs(pieces[:, [1, 3]]).max(axis=1, initial=0.0) < 0.2
+    room = half - CONFIG.robot.radius_m
+    return bool((across & (low < room) & (high > -room)).any())
 
 
 def edge_heard_within(range_m):
@@ -112,9 +138,9 @@ def test_a_piece_of_wall_turns_and_moves_with_its_echoes(turn, x, y):
 
 def test_what_was_passed_is_forgotten_once_a_scan_was_taken():
     driver = driven_along([[-1, 0.6, 4, 0.6]], [(0.0, 0.0), (2.0, 0.0)])
-    assert len(driver.walls_passed())
+    assert all(map(len, driver.walls_passed()))
     driver.forget()
-    assert driver.walls_passed().shape == (0, 4)
+    assert not any(map(len, driver.walls_passed()))
 
 
 def sorted_by_wall(feet, axes):
