@@ -14,6 +14,7 @@ from typing import Any
 
 import click
 
+from sonar_explore.cores import COLLECT_EVERY
 from sonar_explore.episodes.commands import EPISODE_COMMANDS
 from sonar_explore.errors import SonarExploreError
 from sonar_explore.replay.commands import replay
@@ -22,7 +23,6 @@ from sonar_explore.studies.commands import STUDY_COMMANDS
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130  # what shells report for Ctrl-C
 EXIT_BROKEN_PIPE = 141  # and for a reader that went away
-COLLECT_EVERY = 100_000  # new objects; looking for garbage oftener makes a first run, which compiles, slower
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -266,30 +266,37 @@ def _change(cleared, core, frame, place, window, sectors, before, after, changed
     within `before`; `before` becomes `after`."""
     x0, y0, resolution = frame
     n = before.shape[1]
-    changed[n] = False
+    changed[n] = False  # beyond its reach
     for b in range(n):
         changed[b] = before[0, b] != after[0, b] or before[1, b] != after[1, b]
         for layer in range(2):
             limit = before[layer, b] = after[layer, b]
             squares[layer, b] = limit * abs(limit)
+    farthest, surely = squares[0], squares[1]
     for r in range(window[2]):
-        row = window[0] + r
+        row, first, last, known = window[0] + r, window[3], -1, sectors[r]
         dy = y0 + (row + 0.5) * resolution - place[1]
         for c in range(window[3]):
-            kept = np.int64(sectors[r, c])
+            kept = np.int64(known[c])
             b = kept & _SECTOR
             if not changed[b]:
                 continue
             column = window[1] + c
             dx = x0 + (column + 0.5) * resolution - place[0]
             square = dx * dx + dy * dy
-            clears = _within(dx, dy, square, after[0, b], squares[0, b])
-            sure = _within(dx, dy, square, after[1, b], squares[1, b])
-            cleared[row, column] += clears - ((kept >> _CLEARED) & 1)
-            core[row, column] += sure - (kept >> _CORE)
-            sectors[r, c] = b | clears << _CLEARED | sure << _CORE
-            if sectors[r, c] != kept:
-                widen(spans, row, column, column)
+            most, surest = farthest[b], surely[b]
+            clears, sure = np.int64(square < most), np.int64(square < surest)
+            if abs(square - most) < _HAIR_M2 or abs(square - surest) < _HAIR_M2:
+                clears = _within(dx, dy, square, after[0, b], most)
+                sure = _within(dx, dy, square, after[1, b], surest)
+            now = b | clears << _CLEARED | sure << _CORE
+            if now != kept:
+                cleared[row, column] += clears - ((kept >> _CLEARED) & 1)
+                core[row, column] += sure - (kept >> _CORE)
+                known[c] = now
+                first, last = min(first, c), c
+        if last >= 0:
+            widen(spans, row, window[1] + first, window[1] + last)
 
 
 @inner_kernel

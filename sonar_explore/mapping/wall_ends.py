@@ -40,7 +40,7 @@ def continued(walls: Array, points: Array, beside_m: float, reach_m: float) -> A
     longest_m = float(length.max())
     strip_m = 2.0 * (longest_m + reach_m) + beside_m  # walls that meet have their middles no farther apart
     (order, line_at), (points_order, point_at), long_m = _by_strips(lines, points, strip_m)
-    lines, points = lines[order], points[points_order]
+    lines, points = lines.take(order, axis=0), points.take(points_order, axis=0)
     open_m, pieces = np.zeros((len(lines), 2)), np.empty((2 * len(lines), 4))
     strips = strip_m, long_m
     _open_ends(lines, line_at, points, point_at, strips, longest_m, beside_m, reach_m, open_m)
@@ -119,19 +119,22 @@ def _lies_on(lines, i, sign, j, beside):  # type: ignore[no-untyped-def]
 
 @kernel
 def _open_ends(lines, line_at, points, point_at, strips, longest, beside, reach, open_m):  # type: ignore[no-untyped-def]
-    """How far each end may go on: to the nearest point ahead, or beyond reach; 0 where a point or its own wall is at
-    the end."""
+    """How far each end may go on: to the nearest point ahead, or beyond reach; 0 where a point or another wall is at
+    the end. Points are looked for in the box about the way ahead."""
     for i in range(len(lines)):
         x, y, ux, uy, half = lines[i]
         for side in range(2):
             sign = 2.0 * side - 1.0
             if _covered(lines, line_at, strips, i, sign, half + longest + 2.0 * beside, beside):
                 continue
-            ahead, within = 2.0 * reach, half + reach + beside
-            for strip in (0, -1, 1):
-                here = line_at[i] + strip * strips[1]
-                for k in range(_first_from(point_at, here - within), len(points)):
-                    if point_at[k] > here + within:
+            ahead, far = 2.0 * reach, sign * (half + reach)
+            low_x, high_x = min(0.0, far * ux) - beside, max(0.0, far * ux) + beside
+            low_y, high_y = y + min(0.0, far * uy) - beside, y + max(0.0, far * uy) + beside
+            own, first = math.floor(y / strips[0]), math.floor(low_y / strips[0])
+            for strip in range(first, math.floor(high_y / strips[0]) + 1):
+                here = line_at[i] + (strip - own) * strips[1]
+                for k in range(_first_from(point_at, here + low_x), len(points)):
+                    if point_at[k] > here + high_x:
                         break
                     dx, dy = points[k, 0] - x, points[k, 1] - y
                     at = sign * (dx * ux + dy * uy)

@@ -59,7 +59,7 @@ def trimmed(walls: Array, points: Array, within_m: float) -> Array:
     if not len(walls) or not len(points):
         return walls
     out = np.empty_like(walls)
-    points = points[np.argsort(points[:, 0])]
+    points = points.take(np.argsort(points[:, 0]), axis=0)
     first = np.searchsorted(points[:, 0], np.minimum(walls[:, 0], walls[:, 2]) - 2.0 * within_m)
     last = np.searchsorted(points[:, 0], np.maximum(walls[:, 0], walls[:, 2]) + 2.0 * within_m)
     _trim(walls, points, first, last, within_m, out)

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import time
 import traceback
 from pathlib import Path
 
 from sonar_explore import __version__
+from sonar_explore.cores import COLLECT_EVERY
 from sonar_explore.episodes.record import EpisodeRecord, StepRecord
 from sonar_explore.episodes.run import run_episode
 from sonar_explore.studies.jobs import Job, Outcome
 from sonar_explore.studies.store import record_path, report_path, save_outcome, save_record_packed
 
 
-def ignore_interrupts() -> None:
-    """Ctrl-C is the parent's to handle: it lets the episodes under way finish."""
+def begin_work() -> None:
+    """In a worker process: Ctrl-C is the parent's to handle, it lets the episodes under way finish; garbage is looked
+    for as seldom as by the command."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.set_threshold(COLLECT_EVERY)
 
 
 def run_job(job: Job, folder: Path, keep_record: bool, fingerprint: str) -> Outcome:

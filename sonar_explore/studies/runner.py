@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from sonar_explore.errors import SonarExploreError
-from sonar_explore.studies.episode import ignore_interrupts, run_job
+from sonar_explore.studies.episode import begin_work, run_job
 from sonar_explore.studies.jobs import Job, Outcome
 from sonar_explore.studies.store import finished
 
@@ -94,7 +94,7 @@ def _told(result: T, on_done: Callable[[T], None]) -> T:
 
 def _pool(processes: int) -> ProcessPoolExecutor:
     # spawn: no lock of the parent's threads is inherited, and the threads' variables are read anew
-    return ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=ignore_interrupts)
+    return ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=begin_work)
 
 
 @contextmanager

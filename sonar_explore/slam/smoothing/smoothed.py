@@ -50,9 +50,10 @@ class SmoothedSlam(ChainSlam):
     def scans(self) -> tuple[ScanEntry, ...]:
         """Every scan so far, in order, at the poses now believed."""
         if self._stale:
-            for k in np.flatnonzero(self._moved).tolist():
+            moved = np.flatnonzero(self._moved)
+            for k, row in zip(moved.tolist(), self._where[moved].tolist(), strict=True):
                 entry = self._entries[k]
-                self._entries[k] = ScanEntry(self._pose_of(k), entry.scan, entry.features)
+                self._entries[k] = ScanEntry(Pose(*row), entry.scan, entry.features)
             self._moved[:] = self._stale = False
             self._scans = None
         return super().scans
