@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.geometry import Array, Pose
 from sonar_explore.planning.candidates import Candidate, CandidateConfig, CandidateFinder
 from sonar_explore.planning.driving import DriveEnd
-from sonar_explore.planning.loops import blocks_of, open_loops, went_round
-from sonar_explore.planning.paths import path_length
+from sonar_explore.planning.loop_drives import LOOP_TRIPS, LoopDrives
+from sonar_explore.planning.put_aside import PutAside
 from sonar_explore.planning.surroundings import Anchored, Surroundings
 from sonar_explore.slam import Slam
 
@@ -33,8 +32,6 @@ WITHIN_M = 0.5  # and so far within the hull of what is known, [m], a wall is ha
 FEW_M = 30.0  # [m]: where no more was driven and nothing seems left, a door that looks shut is likelier than a hut
 DOUBTED_M = 0.75  # places nearer to one that was tried so are not tried again
 SECOND_CHANCE_AFTER_M2 = 4.0  # of free space found since the last one
-LOOP_TRIPS = 12  # drives to close loops
-LOOP_GOAL_M = 0.3  # nearer to where two of them went, none is sent any more
 FAR_SHARE = 0.05  # of the way driven may be spent on daring and doubts farther off: they seldom find much;
 FAR_LEAST_M = 8.0  # [m], and so much from each find on: a room may be left behind a door that looks shut;
 FAR_FIND_SHARE = 0.1  # or, where that is more, so much of the way driven till then
@@ -44,20 +41,6 @@ LINK_LEAST_M = 3.0  # [m], and so much more: where the pose is off, every scan l
 RETRACES = 4  # times that the way it came may turn out shut, or one that the last scans lead
 CUT_OFF_M2 = 1.0  # [m2] of room that only the way it came leads to: the map shuts what was open
 LATEST = 20  # scans that stand right to each other, however the map is turned
-SAME_PLACE_M = 0.05  # nearer to a place put aside is that place: elsewhere the robot has stood
-SHUT_NEAR_M = 1.5  # stopped farther from a place than this, the way was shut and not the place
-
-
-@dataclass
-class _Shut:
-    """A drive that found its way shut."""
-
-    place: Anchored
-    """Where it was going,"""
-    at: Anchored
-    """and where it ended."""
-    left: bool = False
-    """Whether the robot has gone elsewhere since."""
 
 
 class Offers:
@@ -77,8 +60,7 @@ class Offers:
         self._rooms = replace(worth, least_area_m2=worth.enough_m2)
         self._blindly = replace(worth, enough_m2=min(DOUBT_AREA_M2, worth.enough_m2))
         self._found: dict[tuple[object, ...], tuple[Candidate, ...]] = {}
-        self._shut: list[_Shut] = []
-        """Drives that found their way shut, anchored to scans: they move with a correction."""
+        self._shut = PutAside(surroundings, worth.apart_m)
         self._aside: list[tuple[float, float]] = []
         """Places not to be offered now, x y, [m]."""
         self._tried: dict[int, int] = {}
@@ -92,10 +74,10 @@ class Offers:
         """The place that a second chance is underway to, anchored."""
         self._chancing = False
         """Whether what is on offer is one."""
-        self._loop_trips = LOOP_TRIPS
+        trips = LOOP_TRIPS if config.planning.close_loops else 0
+        self._loops = LoopDrives(surroundings, slam, self._shut, worth.apart_m, trips)
         self._closing = False
-        self._loop_goals: list[Anchored] = []
-        """Where those drives ended, or should have, anchored."""
+        """Whether what is on offer is a drive to close a loop."""
         self._free_m2_afresh = -math.inf
         """When it last began afresh."""
         self._retraces = RETRACES
@@ -115,7 +97,7 @@ class Offers:
         """What to choose from at this pose; leaves the surroundings as they were taken for it."""
         self._closing = self._chancing = False
         self._surroundings.retracing = self._surroundings.latest = False
-        self._aside = self._put_aside(pose)
+        self._aside = self._shut.at(pose)
         candidates: tuple[Candidate, ...] = ()
         for offer in (self._safe, self._dared, self._doubted_walls):
             candidates = candidates or offer(pose, NEAR_M)
@@ -132,7 +114,8 @@ class Offers:
                 candidates = self._afresh(pose) or self._past_bounds(pose) or self._back_out(pose)
         if not candidates:
             self.gave_up = self._is_kept_from_something(pose) or self._is_cut_off(pose)
-            candidates = self._close_a_loop(pose)
+            candidates = self._loops.next(pose)
+            self._closing = bool(candidates)
         return candidates
 
     def chosen(self, candidate: Candidate) -> None:
@@ -151,11 +134,9 @@ class Offers:
         if self._surroundings.retracing or self._surroundings.latest:
             self._retraces = self._retraces - 1 if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED) else RETRACES
         if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED):
-            self._shut.append(
-                _Shut(self._surroundings.anchored(*place), self._surroundings.anchored(here.x, here.y))
-            )
+            self._shut.add(place, here)
         if self._closing and end is not DriveEnd.UNDERWAY:
-            self._loop_goals.append(self._surroundings.anchored(*place))
+            self._loops.went(place)
         self.goal = place if end is DriveEnd.UNDERWAY else None
         if self._chancing:
             self._chance = self._surroundings.anchored(*place) if end is DriveEnd.UNDERWAY else None
@@ -175,23 +156,6 @@ class Offers:
             return ()
         found = self._candidates(pose, self._aside, max(within_m, OFFERED_M), worth=worth)
         return tuple(c for c in found if c.path_length_m <= within_m)
-
-    def _put_aside(self, pose: Pose) -> list[tuple[float, float]]:
-        """Places not to be offered here, x y, [m]: the robot was stopped near them, or on two ways there.
-
-        One that it was stopped far from is another matter once the robot has gone elsewhere: there may be a way from
-        there.
-        """
-        if not self._shut:
-            return []
-        places = np.array(self._surroundings.placed([shut.place for shut in self._shut]))
-        stops = np.array(self._surroundings.placed([shut.at for shut in self._shut]))
-        for shut, gone in zip(self._shut, _apart(stops, (pose.x, pose.y)) > SHUT_NEAR_M, strict=True):
-            shut.left |= bool(gone)
-        left = np.array([shut.left for shut in self._shut])
-        twice = _has_others(places, self._config.candidates.apart_m)
-        aside = twice | ~left | (_apart(places, stops) <= SHUT_NEAR_M)
-        return [(x, y) for x, y in places[aside].tolist()]
 
     def _candidates(
         self,
@@ -392,7 +356,8 @@ class Offers:
         self._free_m2_at_chance = min(self._free_m2_at_chance, free_m2)
         found = tuple(c for c in self._candidates(pose, ()) if c.new_area_m2 >= DOUBT_AREA_M2)
         if found and free_m2 >= self._free_m2_at_chance + SECOND_CHANCE_AFTER_M2:
-            self._free_m2_at_chance, self._shut = free_m2, []
+            self._free_m2_at_chance = free_m2
+            self._shut.forget()
             self._chancing = True
             return found
         here.swap_obstacles(obstacles)
@@ -402,64 +367,6 @@ class Offers:
         """Whether places are left that were put aside because the way to them was shut."""
         self._surroundings.daring = True
         return bool(self._shut and self._candidates(pose, ()))
-
-    def _close_a_loop(self, pose: Pose) -> tuple[Candidate, ...]:
-        """Before calling it finished: drive the last stretch of a loop, or go to where that stretch begins."""
-        if not self._config.planning.close_loops or not self._loop_trips:
-            return ()
-        here = self._surroundings
-        paths, apart_m = here.paths(pose), self._config.candidates.apart_m
-        offers: list[tuple[bool, Candidate]] = []
-        trail, scans = here.way_so_far()
-        put_aside = here.placed([shut.place for shut in self._shut])
-        been_sent = here.placed(self._loop_goals)
-        for loop in open_loops(trail, scans, here.grid):
-            for x, y in loop.goals.tolist():
-                path = paths.to(x, y)
-                aside = any(math.hypot(x - a, y - b) <= SAME_PLACE_M for a, b in put_aside)
-                aside |= sum(math.hypot(x - a, y - b) <= LOOP_GOAL_M for a, b in been_sent) > 1
-                if path is None or aside or math.hypot(x - pose.x, y - pose.y) <= apart_m:
-                    continue
-                offers.append((not loop.closed_by(path), _scan_at(x, y, path)))
-        if not offers:
-            offers = [(False, home) for home in self._home(pose, trail, scans)]
-        if not offers:
-            return ()
-        self._loop_trips -= 1
-        self._closing = True
-        return (min(offers, key=lambda offer: (offer[0], offer[1].path_length_m))[1],)
-
-    def _home(self, pose: Pose, trail: Array, scans: NDArray[np.intp]) -> tuple[Candidate, ...]:
-        """The first scan position, where the way went round a block and met no wall of the first scan since."""
-        round_at = went_round(trail, blocks_of(self._surroundings.grid))
-        if round_at is None:
-            return ()
-        since = int(np.searchsorted(scans, round_at))
-        for chain in self._slam.chains.chains:
-            seen = {link.scan for link in chain.links}
-            if 0 in seen and max(seen) >= since:
-                return ()
-        x, y = trail[0].tolist()
-        path = self._surroundings.paths(pose).to(x, y)
-        return () if path is None else (_scan_at(x, y, path),)
-
-
-def _apart(places: Array, others: ArrayLike) -> Array:
-    """Distances between places x y, shape (..., 2) both, [m]."""
-    return np.asarray(np.hypot(*np.moveaxis(places - np.asarray(others), -1, 0)))
-
-
-def _has_others(places: Array, within_m: float) -> NDArray[np.bool_]:
-    """Which places x y, shape (n, 2), have another one of them so near, shape (n,), [m]."""
-    x, y = places.T
-    i, j = np.nonzero((np.abs(x[:, None] - x) <= within_m) & (np.abs(y[:, None] - y) <= within_m))
-    near = _apart(places[i], places[j]) <= within_m
-    return np.bincount(i[near], minlength=len(places)) > 1
-
-
-def _scan_at(x: float, y: float, path: Array) -> Candidate:
-    """A place to go to for its own sake."""
-    return Candidate(x, y, path_length(path), 0.0, (), 0.0, ())
 
 
 def _is_worth_a_doubt(candidate: Candidate) -> bool:

@@ -26,10 +26,10 @@ from sonar_explore.planning.offers import (
     LINK_SHARE,
     NEAR_M,
     RETRACES,
-    SHUT_NEAR_M,
     WITHIN_M,
     Offers,
 )
+from sonar_explore.planning.put_aside import SHUT_NEAR_M
 
 HERE = Pose(0.0, 0.0, 0.0)
 AWAY = Pose(5.0, 0.0, 0.0)
