@@ -112,8 +112,8 @@ class Explorer:
 
     @property
     def grid(self) -> OccupancyGrid:
-        """The map; there from the first scan on."""
-        return self._surroundings.grid
+        """The map of all scans; there from the first scan on."""
+        return self._surroundings.whole_grid
 
     @property
     def gave_up(self) -> bool:
@@ -162,7 +162,7 @@ class Explorer:
             grid=self.grid,
             chains=self._slam.chains.chains,
             candidates=candidates,
-            scan_positions=self._surroundings.scan_positions,
+            scan_positions=self._surroundings.all_scan_positions,
             underway_to=self._offers.goal,
             body_radius_m=self._body.radius_m,
         )
@@ -215,16 +215,17 @@ class Explorer:
         longest = self._config.planning.leg_m
         if path_length(path) <= 1.5 * longest:
             return path
-        points = sampled(path, self.grid.frame.resolution_m)
+        grid = self._surroundings.grid
+        points = sampled(path, grid.frame.resolution_m)
         driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-        cells = self.grid.frame.cells(points)
-        room = self._finder.roomy(self.grid, cells)
+        cells = grid.frame.cells(points)
+        room = self._finder.roomy(grid, cells)
         fit = np.flatnonzero(room & (driven >= 0.5 * longest) & (driven <= BLIND_LEGS * longest))
         usual = fit[driven[fit] <= 1.5 * longest]
         if not len(usual):
             return path
         # a scan that hears no wall is a full turn for nothing: the heading loses by it
-        hears = self.grid.to_walls_m[cells[:, 0], cells[:, 1]] <= self._config.planning.blind_m
+        hears = grid.to_walls_m[cells[:, 0], cells[:, 1]] <= self._config.planning.blind_m
         if hears[usual].any():
             usual = usual[hears[usual]]
             stop = usual[np.argmin(np.abs(driven[usual] - longest))]

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.envs.simulator import Simulator
@@ -265,12 +266,13 @@ def test_the_map_of_the_last_scans_alone_has_no_wall_and_no_room_of_those_before
         scan = robot.scan(1)
         surroundings.add_scan(scan, slam.update(scan).features)
     whole = surroundings.grid
-    surroundings.latest, surroundings.latest_from = True, 1
+    surroundings.first_scan = 1
     lately, at = surroundings.grid, surroundings.scan_positions
     assert at.tolist() == [[6.0, 0.0]]
     assert whole.free[whole.frame.cell(0.0, 0.0)] and whole.occupied[whole.frame.cell(0.0, 0.8)]
     assert lately.free[lately.frame.cell(6.0, 0.0)] and lately.frame.x0 > 1.0
-    surroundings.latest = False
+    assert surroundings.whole_grid is whole and len(surroundings.all_scan_positions) == 2
+    surroundings.first_scan = 0
     assert surroundings.grid is whole
 
 
@@ -286,12 +288,42 @@ def test_what_is_hearsay_shuts_nothing_once_it_is_not_believed_until_the_next_sc
     surroundings.believe_hearsay(True)
     assert surroundings.free_m2 < less_m2 < open_m2
     surroundings.believe_hearsay(False)
+    assert surroundings.has_hearsay
     explorer.look()
     assert surroundings.hearsay
 
 
-def test_the_hull_tells_how_far_within_what_is_known_a_place_lies():
+def test_walls_heard_from_near_by_alone_are_no_hearsay():
     _, explorer = explorer_in()
     explorer.look()
-    outside_m = (explorer._surroundings.hull @ np.array([[0.0, 0.0, 1.0], [0.0, 1.8, 1.0]]).T).max(axis=0)
-    assert outside_m == pytest.approx([-0.75, 1.05], abs=0.1)
+    surroundings, walls = explorer._surroundings, np.array([[0.7, -0.8, 0.7, 0.8]])
+    surroundings.add_passed(walls, walls)
+    assert not surroundings.has_hearsay
+    surroundings.add_passed(walls, walls[:0])
+    assert surroundings.has_hearsay
+    surroundings.add_passed(walls, walls)
+    assert surroundings.has_hearsay
+
+
+def test_who_decides_sees_the_whole_map_while_the_last_scans_alone_lead_the_way():
+    _, explorer = explorer_in()
+    for _ in range(2):
+        explorer.look()
+        explorer.go_to(farthest(explorer.situation()))
+    explorer.look()
+
+    def lately(pose):
+        explorer._surroundings.first_scan = 2
+        return ()
+
+    explorer._offers.now = lately
+    seen = explorer.situation()
+    assert len(seen.scan_positions) == 3 and explorer._surroundings.grid.frame != seen.grid.frame
+
+
+def test_what_lies_inside_lies_so_far_from_where_what_is_known_ends():
+    _, explorer = explorer_in()
+    explorer.look()
+    for by_m, is_inside in (0.6, True), (0.9, False):
+        assert shapely.contains_xy(explorer._surroundings.inside(by_m), 0.0, 0.0) == is_inside
+    assert not shapely.contains_xy(explorer._surroundings.inside(0.0), 0.0, 1.8)

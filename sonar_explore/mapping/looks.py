@@ -158,7 +158,8 @@ def _continuation(f: Feature, config: MappingConfig) -> tuple[float, float, floa
 
 @lru_cache(maxsize=8)
 def _nearest(bearings_rad: bytes) -> NDArray[np.intp]:
-    """Which reading, by its bearing, is nearest to each bin, shape (BINS,): the same for all scans of one lattice."""
+    """Which reading, by its bearing, is nearest to each bin, shape (BINS,), not to be written to: the same for all full
+    scans of one lattice."""
     bearings = np.frombuffer(bearings_rad) % (2.0 * math.pi)
     order = np.argsort(bearings)
     rising = bearings[order]

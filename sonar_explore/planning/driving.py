@@ -131,8 +131,8 @@ class Driver:
         self._listened = False
 
     def walls_passed(self) -> tuple[Array, Array]:
-        """Pieces of wall that the ring heard since the last scan, and those of them that are none of two jambs, shape
-        (n, 4) both, map frame, [m]."""
+        """Pieces of wall that the ring heard since the last scan, and those heard from near by alone, shape (n, 4)
+        both, map frame, [m]."""
         return self._passing.walls()
 
     def _to(self, x: float, y: float) -> DriveReport | None:

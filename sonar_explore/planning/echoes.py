@@ -31,7 +31,9 @@ POINT_HEARD_RAD = math.radians(7.0)  # and so is an edge this much off it
 COLUMNS = 6  # of a piece
 NEARER_PER_M = math.cos(math.radians(41.0))  # as fast comes a wall nearer that lies beside the front discs
 GLANCE_LEAST_M = 0.06  # no oftener does the robot glance, [m]
-BESIDE_M = 0.16  # a wall nearer than the room to keep and this, [m], is heard again before its piece ends
+WALL_BESIDE_M = (
+    0.16  # a wall nearer than the room to keep and this, [m], is heard again before its piece ends
+)
 HAIR_M2 = 1e-9  # nearer than this to the square of a limit the exact distance decides
 BEFORE_M = 0.06  # what a disc should have heard lies nearer by this than what it heard
 
@@ -261,7 +263,7 @@ def glance_after(pieces, count, x, y, c, s, room, most):  # type: ignore[no-unty
         to_x, to_y = pieces[i, 0] - x, pieces[i, 1] - y
         if pieces[i, 4] == 0.0 and to_x * c + to_y * s > -room:
             nearest = min(nearest, math.hypot(to_x, to_y))
-        elif pieces[i, 4] > 0.0 and _distance(pieces[i], x, y) < room + BESIDE_M:
+        elif pieces[i, 4] > 0.0 and _distance(pieces[i], x, y) < room + WALL_BESIDE_M:
             most = min(most, HALF_LENGTH_M)
     return min(most, max(GLANCE_LEAST_M, (nearest - room) / NEARER_PER_M))
 

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import shapely
 
 from sonar_explore.config import ExplorationConfig
-from sonar_explore.geometry import Array, Pose
+from sonar_explore.geometry import Pose
 from sonar_explore.planning.candidates import Candidate, CandidateConfig, CandidateFinder
 from sonar_explore.planning.driving import DriveEnd
 from sonar_explore.planning.loop_drives import LOOP_TRIPS, LoopDrives
@@ -79,7 +80,9 @@ class Offers:
         self._closing = False
         """Whether what is on offer is a drive to close a loop."""
         self._free_m2_afresh = -math.inf
-        """When it last began afresh."""
+        """When it last began afresh,"""
+        self._afresh_from = 0
+        """and from which scan on."""
         self._retraces = RETRACES
         """How often it may still set out on the way that it came, or afresh."""
         self._far_m = FAR_LEAST_M
@@ -96,7 +99,7 @@ class Offers:
     def now(self, pose: Pose) -> tuple[Candidate, ...]:
         """What to choose from at this pose; leaves the surroundings as they were taken for it."""
         self._closing = self._chancing = False
-        self._surroundings.retracing = self._surroundings.latest = False
+        self._surroundings.retracing, self._surroundings.first_scan = False, 0
         self._aside = self._shut.at(pose)
         candidates: tuple[Candidate, ...] = ()
         for offer in (self._safe, self._dared, self._doubted_walls):
@@ -126,12 +129,13 @@ class Offers:
     def learn(self, candidate: Candidate, end: DriveEnd, here: Pose, driven_m: float) -> None:
         """How the way there went, where the robot stands now, and how far it drove, [m]."""
         self._driven_m += driven_m
-        far = self._surroundings.daring and candidate.path_length_m > NEAR_M
+        whole = not self._surroundings.first_scan  # a way out is no look at what may be there
+        far = whole and self._surroundings.daring and candidate.path_length_m > NEAR_M
         self._far_m += -driven_m if far else FAR_SHARE * driven_m
         nothing_new = candidate.new_area_m2 < self._config.candidates.least_area_m2
         self._links_m += -driven_m if candidate.missing_links and nothing_new else LINK_SHARE * driven_m
         place = candidate.x, candidate.y
-        if self._surroundings.retracing or self._surroundings.latest:
+        if self._surroundings.retracing or self._surroundings.first_scan:
             self._retraces = self._retraces - 1 if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED) else RETRACES
         if end in (DriveEnd.BLOCKED, DriveEnd.BUMPED):
             self._shut.add(place, here)
@@ -171,7 +175,7 @@ class Offers:
         here = self._surroundings
         tried = self._tried if self._links_m > 0.0 else None
         paths = here.near_paths(pose, reach_m) if near else here.paths(pose, reach_m)
-        taken_as = here.doubtful, here.daring, here.retracing, here.latest
+        taken_as = here.doubtful, here.daring, here.retracing, here.first_scan
         taken = *taken_as, pose.x, pose.y, paths.within_m, worth
         key = (here.version, *taken, tuple(places), tried is None or tuple(sorted(tried.items())))
         if key not in self._found:
@@ -218,23 +222,24 @@ class Offers:
         ways, then by daring ones where the robot has seen into what lies behind; none at the rim of what is known,
         where such a wall is the building's own."""
         here = self._surroundings
-        if not self._doubts:
+        if not self._doubts or not here.has_hearsay:
             return ()
-        hull = here.hull
+        inside = here.inside(WITHIN_M)
         here.believe_hearsay(False)
         here.daring = False
-        found = self._rooms_within(pose, hull)
+        found = self._rooms_in(pose, inside)
         if not found:
             here.daring = True
-            found = self._leading_on(pose, self._rooms_within(pose, hull))
+            found = self._leading_on(pose, self._rooms_in(pose, inside))
         if not found:
             here.believe_hearsay(True)
         return found
 
-    def _rooms_within(self, pose: Pose, hull: Array) -> tuple[Candidate, ...]:
+    def _rooms_in(self, pose: Pose, inside: shapely.Geometry) -> tuple[Candidate, ...]:
+        """Places in there that show a room."""
         places = self._not_looked_from(self._near(pose, math.inf, self._rooms))
         rooms = [c for c in places if c.new_area_m2 >= self._rooms.least_area_m2]
-        return tuple(c for c in rooms if (hull @ (c.x, c.y, 1.0)).max() <= -WITHIN_M)
+        return tuple(c for c in rooms if shapely.contains_xy(inside, c.x, c.y))
 
     def _not_looked_from(self, places: Sequence[Candidate]) -> tuple[Candidate, ...]:
         """Those of the places near which the robot has not looked in doubt yet."""
@@ -277,12 +282,15 @@ class Offers:
         here = self._surroundings
         here.retracing, here.daring = False, True
         if here.free_m2 >= self._free_m2_afresh + SECOND_CHANCE_AFTER_M2:
-            self._free_m2_afresh, here.latest_from = here.free_m2, max(0, here.scans - LATEST)
+            self._free_m2_afresh, self._afresh_from = here.free_m2, max(0, here.scans - LATEST)
         self._free_m2_afresh = min(self._free_m2_afresh, here.free_m2)
+        if not self._afresh_from:
+            return ()
         on_the_map = here.paths(pose)
-        here.latest = True
+        here.first_scan = self._afresh_from
         found = self._candidates(pose, self._aside)
-        here.latest = bool(found)
+        if not found:
+            here.first_scan = 0
         return tuple(c for c in found if on_the_map.to(c.x, c.y) is None) or found
 
     def _past_bounds(self, pose: Pose) -> tuple[Candidate, ...]:

@@ -17,7 +17,7 @@ from sonar_explore.geometry import Array
 
 NEAREST_M = 0.15  # the dead zone
 FARTHEST_M = 2.5  # farther off, rooms are left out for walls heard amiss
-SURE_M = 1.3  # and nearer than this no wall is heard amiss
+SURE_M = 1.3  # and nearer than this hardly any wall is heard amiss
 LINE_M = 0.03  # feet this near to one line,
 TURN_RAD = math.radians(12.0)  # under axes this alike, are of one wall
 # of an echo inside a wall, another lies so far to either side: those of one edge spread less
@@ -45,8 +45,8 @@ class Passing:
         self._poses, self._rings = [], [self._rings[-1][-1:]]
 
     def walls(self) -> tuple[Array, Array]:
-        """Pieces of wall on the way, and those that it is sure of for they were heard from near by, shape (n, 4) both,
-        map frame, [m]."""
+        """Pieces of wall on the way, and those that what was heard from near by makes alone, shape (n, 4) both, map
+        frame, [m]; the very same where all was."""
         if not self._poses:
             return np.zeros((0, 4)), np.zeros((0, 4))
         rings = np.concatenate(self._rings)
@@ -59,7 +59,8 @@ class Passing:
         c, s, axis = np.cos(heading), np.sin(heading), heading + axis
         discs = np.column_stack([x + c * mount_x - s * mount_y, y + s * mount_x + c * mount_y])
         feet, sure = discs + heard[:, None] * _along(axis), heard <= SURE_M
-        return walls_along(feet, axis), walls_along(feet[sure], axis[sure])
+        walls = walls_along(feet, axis)
+        return walls, walls if sure.all() else walls_along(feet[sure], axis[sure])
 
 
 def walls_along(feet: Array, axes_rad: Array) -> Array:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from sonar_explore.config import ExplorationConfig
@@ -25,7 +26,10 @@ Anchored = tuple[int, Pose]
 """A place: index of a scan, and where the place is in that scan's frame (the heading says nothing)."""
 
 
-_Plan = tuple[tuple[int, int], bool, bool, bool, bool]
+_TakenAs = tuple[bool, bool, bool, int]
+"""Doubtful, daring, retracing, and from which scan on."""
+_BELIEVED: _TakenAs = (False, False, False, 0)
+_Plan = tuple[tuple[int, int], _TakenAs]
 """Where paths begin, row and column, and how the map is taken."""
 
 FRESH_M = 6.0  # [m]: scans farther off than this may be drawn a little off, until all of the map is asked for
@@ -53,14 +57,14 @@ class Surroundings:
         """and where since the last of them was looked at."""
         self._obstacles: list[tuple[int, Array]] = []
         """Where the ring shut the way: index of the last scan, and a piece of wall in its robot frame."""
-        self._grids: dict[tuple[bool, bool], OccupancyGrid] = {}
-        """Of the map as it is, believed and doubted, of all scans and of the last: whichever was asked for."""
+        self._grids: dict[tuple[bool, int], OccupancyGrid] = {}
+        """Believed and doubted, by the first of their scans: whichever was asked for."""
         self._plans: dict[_Plan, dict[float, SafePaths]] = {}
         """By how far they look,"""
         self._searches: dict[_Plan, SafePaths] = {}
         """and as far as anybody has looked."""
         self._scans: tuple[ScanEntry, ...] = ()
-        """Those of the map drawn last,"""
+        """Those asked for last,"""
         self._scan_poses: list[Pose] = []
         """and their poses."""
         self._scan_positions: Array | None = None
@@ -74,10 +78,8 @@ class Surroundings:
         """Whether only what is sure of the walls is believed."""
         self.retracing = False
         """Whether where the body has been is open, whatever the map says."""
-        self.latest = False
-        """Whether the map is that of the last scans alone,"""
-        self.latest_from = 0
-        """which are those from this one on."""
+        self.first_scan = 0
+        """The map is that of the scans from this one on: of the last alone, where it is not 0."""
         self._bounded = True
         """Whether bounds stand where the map is doubted."""
         self.hearsay = True
@@ -85,12 +87,19 @@ class Surroundings:
 
     @property
     def grid(self) -> OccupancyGrid:
-        """The map; there from the first scan on. Drawn when somebody looks at it."""
-        taken_as = self.doubtful, self.latest
+        """The map as it is taken; there from the first scan on. Drawn when somebody looks at it."""
+        return self._drawn_from(self.first_scan)
+
+    @property
+    def whole_grid(self) -> OccupancyGrid:
+        """The map of all scans, whichever are believed now."""
+        return self._drawn_from(0)
+
+    def _drawn_from(self, first: int) -> OccupancyGrid:
+        taken_as = self.doubtful, first
         if taken_as not in self._grids:
-            first = self.latest_from if self.latest else 0
             looks = self._looks if self.hearsay else self._sure_looks
-            mapper = self._new_mapper() if self.latest else self._mapper
+            mapper = self._new_mapper() if first else self._mapper
             self._grids[taken_as] = mapper.draw(
                 self._poses()[first:],
                 looks[first:],
@@ -117,24 +126,28 @@ class Surroundings:
         """Of the map as it is taken, [m2]."""
         return float(np.count_nonzero(self.grid.free)) * self.grid.frame.resolution_m**2
 
-    @property
-    def hull(self) -> Array:
-        """Convex hull of what is free as the map is taken: a x + b y + c is how far a place lies outside of each of its
-        sides, rows a b c, shape (n, 3), [m]."""
-        from scipy.spatial import ConvexHull  # here: 6 MB that most decisions do without
+    def inside(self, by_m: float) -> shapely.Geometry:
+        """What lies so far within the convex hull of what is free as the map is taken, map frame, [m]."""
+        free = self.grid.free
+        rows = np.flatnonzero(free.any(axis=1))
+        first, last = free[rows].argmax(axis=1), free.shape[1] - 1 - free[rows, ::-1].argmax(axis=1)
+        ends = np.concatenate([np.column_stack([rows, first]), np.column_stack([rows, last])])
+        return shapely.MultiPoint(self.grid.frame.centres(ends)).convex_hull.buffer(-by_m)
 
-        free = np.argwhere(self.grid.free)
-        return np.asarray(ConvexHull(self.grid.frame.centres(free)).equations)
+    @property
+    def all_scan_positions(self) -> Array:
+        """x y of every scan, shape (n, 2), map frame, [m]."""
+        if self._scan_positions is None:
+            assert self.whole_grid  # drawn of all of them
+            self._scan_positions = self._mapper.scan_positions
+        return self._scan_positions
 
     @property
     def scan_positions(self) -> Array:
-        """x y of every scan, shape (n, 2), map frame, [m]."""
-        if self.latest:
-            return np.array([(e.pose.x, e.pose.y) for e in self._slam.scans[self.latest_from :]])
-        if self._scan_positions is None:
-            assert self.grid  # drawn of all of them
-            self._scan_positions = self._mapper.scan_positions
-        return self._scan_positions
+        """x y of the scans that the map as it is taken is of, shape (n, 2), map frame, [m]."""
+        if not self.first_scan:
+            return self.all_scan_positions
+        return np.array([(e.pose.x, e.pose.y) for e in self._slam.scans[self.first_scan :]])
 
     def add_scan(self, scan: Scan, features: Sequence[Feature]) -> None:
         """The last scan that SLAM has taken; the map is believed again."""
@@ -144,7 +157,7 @@ class Surroundings:
         self._looks.append(replace(look, bounds=far))
         self._sure_looks.append(self._looks[-1])
         self._trails.append(np.zeros((1, 2)))
-        self.doubtful = self.latest = False
+        self.doubtful, self.first_scan = False, 0
         self._bounded = self.hearsay = True
         self._changed()
 
@@ -154,13 +167,22 @@ class Surroundings:
         self._been += [(at.x, at.y) for at in (map_in_scan @ here for here in poses)]
 
     def add_passed(self, walls: Array, sure: Array) -> None:
-        """Pieces of wall that the ring heard since the last scan, and those of them that are none of two jambs, shape
-        (n, 4) both, map frame, [m]; on the map from the next change on."""
+        """Pieces of wall that the ring heard since the last scan, and those heard from near by alone, none of which is
+        two jambs, shape (n, 4) both, map frame, [m]: the very same where all are. On the map from the next change
+        on."""
         if len(walls):
             map_in_scan = self._slam.scans[-1].pose.inverse()
+            alike = sure is walls and self._sure_looks[-1] is self._looks[-1]
             for looks, passed in (self._looks, walls), (self._sure_looks, sure):
                 in_scan = map_in_scan.transform(passed.reshape(-1, 2)).reshape(-1, 4)
                 looks[-1] = replace(looks[-1], bounds=np.vstack([looks[-1].bounds, in_scan]))
+            if alike:
+                self._sure_looks[-1] = self._looks[-1]
+
+    @property
+    def has_hearsay(self) -> bool:
+        """Whether any wall passed may be two jambs."""
+        return any(map(operator.is_not, self._looks, self._sure_looks))
 
     def add_obstacle(self, here: Pose, obstacle: Array) -> None:
         """A piece of wall shut the way; shape (n, 2), in the frame of the robot, which is here, [m]."""
@@ -245,7 +267,7 @@ class Surroundings:
         as the map is taken, and no safe way on the map that is believed."""
         taken_as = self._taken_as
         within = self.paths_as_far_as(pose, way_m).within
-        self._taken_as = (False, False, False, False)
+        self._taken_as = _BELIEVED
         beyond = within & ~self.paths(pose).within
         self._taken_as = taken_as
         frame, found = self.grid.frame, []
@@ -263,8 +285,8 @@ class Surroundings:
         safe ones on the map that is believed. A place worth a doubt is no reason to drive through walls on the way.
         """
         taken_as = self._taken_as
-        believed = [(False, False, False, False), (False, self.daring, False, False)]
-        for ways in sorted({taken_as} if self.latest else {*believed, taken_as}):
+        believed = {_BELIEVED, (False, self.daring, False, 0)}
+        for ways in sorted({taken_as} if self.first_scan else {*believed, taken_as}):
             self._taken_as = ways
             paths = self.paths_as_far_as(pose, way_m if ways == taken_as else max(way_m, detour_m))
             self._taken_as = taken_as
@@ -282,16 +304,16 @@ class Surroundings:
         return self._mapper.recent_points
 
     @property
-    def _taken_as(self) -> tuple[bool, bool, bool, bool]:
-        """How the map is taken: doubtful, daring, retracing, and of the last scans alone."""
-        return self.doubtful, self.daring, self.retracing, self.latest
+    def _taken_as(self) -> _TakenAs:
+        """How the map is taken."""
+        return self.doubtful, self.daring, self.retracing, self.first_scan
 
     @_taken_as.setter
-    def _taken_as(self, ways: tuple[bool, bool, bool, bool]) -> None:
-        self.doubtful, self.daring, self.retracing, self.latest = ways
+    def _taken_as(self, ways: _TakenAs) -> None:
+        self.doubtful, self.daring, self.retracing, self.first_scan = ways
 
     def _plan_of(self, pose: Pose) -> _Plan:
-        return self.grid.frame.cell(pose.x, pose.y), *self._taken_as
+        return self.grid.frame.cell(pose.x, pose.y), self._taken_as
 
     def _known_paths(self, pose: Pose) -> dict[float, SafePaths]:
         return self._plans.setdefault(self._plan_of(pose), {})

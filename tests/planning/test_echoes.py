@@ -12,10 +12,10 @@ from way_in import way_in
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.geometry import Pose
 from sonar_explore.planning.echoes import (
-    BESIDE_M,
     HALF_LENGTH_M,
     KEPT_M,
     POINT_HEARD_RAD,
+    WALL_BESIDE_M,
     EchoMemory,
     glance_after,
 )
@@ -183,5 +183,5 @@ def test_a_wall_beside_the_way_is_heard_again_before_the_piece_that_was_heard_en
     pieces = np.array([[*foot, *normal, HALF_LENGTH_M, 0.0]])
     heading = math.cos(pose.heading), math.sin(pose.heading)
     often_m = way_in(glance_after)(pieces, 1, pose.x, pose.y, *heading, ROOM_M, 0.4)
-    if abs(off_m - ROOM_M - BESIDE_M) > 1e-9:
-        assert often_m == (HALF_LENGTH_M if off_m < ROOM_M + BESIDE_M else 0.4)
+    if abs(off_m - ROOM_M - WALL_BESIDE_M) > 1e-9:
+        assert often_m == (HALF_LENGTH_M if off_m < ROOM_M + WALL_BESIDE_M else 0.4)

@@ -1,12 +1,14 @@
 # mypy: disallow-untyped-defs=False, check-untyped-defs=True
 """Where the robot could go next, from places that a finder is made to find."""
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 from sonar_explore.config import ExplorationConfig
 from sonar_explore.geometry import Pose
@@ -48,7 +50,7 @@ class Land:
     retracing = False
     retraced = False
     """Whether the way that the robot came leads there."""
-    latest, latest_from, scans = False, 0, 100
+    first_scan, scans = 0, 100
     seen_lately: tuple[Candidate, ...] = ()
     """What the last scans alone lead to."""
     on_the_map: tuple[Candidate, ...] = ()
@@ -58,8 +60,9 @@ class Land:
     behind_m2 = 2.0
     """What is free behind each place, and no safe way leads to."""
     resolution_m = 0.05
-    hull = np.array([[0.0, 0.0, -1.0]])
-    """All lies a metre within it."""
+    has_hearsay = True
+    rim_x_m = math.inf
+    """What is known ends there."""
     drifted = False
     """Whether scans far away are drawn elsewhere than they are believed to stand: no way leads there on such a map."""
 
@@ -78,6 +81,9 @@ class Land:
     def believe_hearsay(self, believed):
         self.version += believed != self.hearsay
         self.hearsay = believed
+
+    def inside(self, by_m):
+        return shapely.box(-1e3, -1e3, min(self.rim_x_m, 1e3) - by_m, 1e3)
 
     def look_everywhere(self):
         drifted, self.drifted, self.safe = self.drifted, False, self.drifted
@@ -116,10 +122,10 @@ class Land:
     def find(self, grid, paths, chains, scanned, put_aside, tried, worth=None):
         return tuple(
             c
-            for c in (self.seen_lately if self.latest else self.places)
+            for c in (self.seen_lately if self.first_scan else self.places)
             if (
                 self.safe
-                or self.latest
+                or self.first_scan
                 or self.doubtful
                 or (self.dared and self.daring)
                 or (self.retraced and self.retracing)
@@ -273,13 +279,13 @@ def test_only_a_robot_that_its_map_shuts_in_believes_its_last_scans_alone_and_th
     land = Land()
     land.shut_in, land.seen_lately = shut_in, (place(1.0, 0.0), place(2.0, 0.0))
     offers = offers_in(land)
-    assert offers.now(HERE) == (land.seen_lately if shut_in else ()) and land.latest == shut_in
-    assert land.latest_from == (land.scans - LATEST if shut_in else 0)
+    assert offers.now(HERE) == (land.seen_lately if shut_in else ())
+    assert land.first_scan == (land.scans - LATEST if shut_in else 0)
     land.scans, land.version = land.scans + 5, 1
     offers.now(HERE)
-    assert land.latest_from == (land.scans - 5 - LATEST if shut_in else 0)
+    assert land.first_scan == (land.scans - 5 - LATEST if shut_in else 0)
     land.seen_lately, land.version = (), 2
-    assert offers.now(HERE) == () and not land.latest
+    assert offers.now(HERE) == () and not land.first_scan
 
 
 def test_of_what_the_last_scans_lead_to_what_lies_beyond_the_map_comes_first():
@@ -289,13 +295,28 @@ def test_of_what_the_last_scans_lead_to_what_lies_beyond_the_map_comes_first():
     assert offers_in(land).now(HERE) == land.seen_lately[1:]
 
 
+def test_who_has_taken_few_scans_has_no_last_ones_to_believe_instead():
+    land = Land()
+    land.shut_in, land.seen_lately, land.scans = True, (place(1.0, 0.0),), LATEST
+    assert offers_in(land).now(HERE) == () and not land.first_scan
+
+
+def test_a_way_out_by_the_last_scans_is_not_taken_from_what_may_be_spent_on_far_tries():
+    land = Land(place(9.0, 0.0, 20.0))
+    land.shut_in, land.seen_lately = True, (place(1.0, 0.0, 20.0),)
+    offers = offers_in(land)
+    offers._doubts = 0
+    offers._free_m2_at_doubts = land.free_m2
+    assert try_one(offers, land, DriveEnd.ARRIVED, HERE, driven_m=20.0) and offers._far_m >= FAR_LEAST_M
+
+
 def test_nobody_believes_the_last_scans_for_ever_if_their_ways_are_shut():
     land = Land()
     land.shut_in, land.seen_lately = True, tuple(place(float(x), 0.0) for x in range(9, 9 + RETRACES + 2))
     offers = offers_in(land)
     for _ in range(RETRACES):
-        assert try_one(offers, land, DriveEnd.BLOCKED, HERE) and land.latest
-    assert offers.now(HERE) == () and not land.latest
+        assert try_one(offers, land, DriveEnd.BLOCKED, HERE) and land.first_scan
+    assert offers.now(HERE) == () and not land.first_scan
 
 
 @pytest.mark.parametrize("shut_in", [False, True])
@@ -335,8 +356,18 @@ def test_behind_a_wall_passed_at_the_rim_of_what_is_known_no_room_is_looked_for(
             return () if self.doubtful or self.hearsay else self.places
 
     land = Outer(place(9.0, 0.0, 20.0))
-    land.hull = np.array([[0.0, 0.0, -9.0], [1.0, 0.0, -9.0 - within_m]])
+    land.rim_x_m = 9.0 + within_m
     assert bool(offers_in(land).now(HERE)) == (within_m > WITHIN_M)
+
+
+def test_where_no_wall_may_be_two_jambs_none_is_doubted_for_that():
+    class Outer(Land):
+        def find(self, grid, paths, chains, scanned, put_aside, tried, worth=None):
+            return () if self.doubtful or self.hearsay else self.places
+
+    land = Outer(place(9.0, 0.0, 20.0))
+    land.has_hearsay = False
+    assert offers_in(land).now(HERE) == () and land.version == 0
 
 
 def test_what_is_less_than_a_room_is_no_reason_to_doubt_walls_passed_far_off():
