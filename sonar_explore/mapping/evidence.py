@@ -154,9 +154,9 @@ class Evidence:
     def _may_wait(self, scans: NDArray[np.intp], now: Array, fresh_m: float) -> Mask:
         """Which of these scans, that moved, are far from the last one and have moved little, shape (n,); `now`: where
         all stand, shape (scans, 3)."""
-        here, now, was = now[-1, :2], now[scans], self.at.all[scans]
-        nearest = np.minimum(np.hypot(*(now[:, :2] - here).T), np.hypot(*(was[:, :2] - here).T))
-        return np.asarray((nearest > fresh_m) & (self.moved_m(now, was) <= self._far_still_m))
+        here, stand, stood = now[-1, :2], now[scans], self.at.all[scans]
+        nearest = np.minimum(np.hypot(*(stand[:, :2] - here).T), np.hypot(*(stood[:, :2] - here).T))
+        return np.asarray((nearest > fresh_m) & (self.moved_m(stand, stood) <= self._far_still_m))
 
     def moved_m(self, now: Array, was: Array) -> Array:
         """How far points of scans may have moved, that stand and stood here, x y [m] heading [rad], shape (n, 3)."""

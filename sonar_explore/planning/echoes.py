@@ -31,9 +31,8 @@ POINT_HEARD_RAD = math.radians(7.0)  # and so is an edge this much off it
 COLUMNS = 6  # of a piece
 NEARER_PER_M = math.cos(math.radians(41.0))  # as fast comes a wall nearer that lies beside the front discs
 GLANCE_LEAST_M = 0.06  # no oftener does the robot glance, [m]
-WALL_BESIDE_M = (
-    0.16  # a wall nearer than the room to keep and this, [m], is heard again before its piece ends
-)
+# a wall nearer than the room to keep and this, [m], is heard again before the piece that was heard ends
+WALL_BESIDE_M = 0.16
 HAIR_M2 = 1e-9  # nearer than this to the square of a limit the exact distance decides
 BEFORE_M = 0.06  # what a disc should have heard lies nearer by this than what it heard
 

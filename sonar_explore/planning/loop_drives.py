@@ -29,7 +29,7 @@ class LoopDrives:
         slam: Slam,
         put_aside: PutAside,
         apart_m: float,
-        trips: int = LOOP_TRIPS,
+        trips: int,
     ) -> None:
         """There are so many trips; no drive is shorter than `apart_m`."""
         self._surroundings = surroundings

@@ -24,6 +24,15 @@ def ground(seed):
     return cost, start, rng
 
 
+def search_of(cost, start):
+    """From there on such ground, without the rim, and what it finds, with it."""
+    found = np.full(np.add(cost.shape, 2), np.inf)
+    entries = np.zeros((most_entries(cost.size), 2), dtype=np.int32)
+    dearest = float(cost[np.isfinite(cost)].max())
+    rimmed = np.pad(cost, 1, constant_values=np.inf)
+    return Search(rimmed, (start[0] + 1, start[1] + 1), dearest, found, entries), found
+
+
 def edges(cost):
     """What a step costs, for all that may be made, as (from, to, cost)."""
     rows, columns = cost.shape
@@ -53,10 +62,7 @@ def test_the_costs_are_those_of_scipy(seed):
 def test_ways_lead_to_the_region_of_the_start_and_nowhere_else(seed):
     cost, start, _ = ground(seed)
     reached = np.isfinite(cheapest_costs(cost, start))
-    rimmed, found = np.pad(cost, 1, constant_values=np.inf), np.full(np.add(cost.shape, 2), np.inf)
-    entries = np.zeros((most_entries(cost.size), 2), dtype=np.int32)
-    start = start[0] + 1, start[1] + 1
-    search = Search(rimmed, start, float(cost[np.isfinite(cost)].max()), found, entries)
+    search, _ = search_of(cost, start)
     low_row, end_row, low_column, end_column = search.region_window
     assert (search.region[1:-1, 1:-1] == reached).all()
     assert search.region[low_row:end_row, low_column:end_column].sum() == reached.sum()
@@ -70,14 +76,9 @@ def test_ways_lead_to_the_region_of_the_start_and_nowhere_else(seed):
 
 @settings(max_examples=80, deadline=None)
 @given(seeds)
-def test_what_some_cells_cost_is_what_one_search_finds_though_it_goes_no_farther(seed):
+def test_what_some_cells_cost_is_what_one_search_finds(seed):
     cost, start, rng = ground(seed)
-    expected = cheapest_costs(cost, start)
-    rimmed, found = np.pad(cost, 1, constant_values=np.inf), np.full(np.add(cost.shape, 2), np.inf)
-    entries = np.zeros((most_entries(cost.size), 2), dtype=np.int32)
-    search = Search(
-        rimmed, (start[0] + 1, start[1] + 1), float(cost[np.isfinite(cost)].max()), found, entries
-    )
+    expected, (search, _) = cheapest_costs(cost, start), search_of(cost, start)
     reached = np.argwhere(np.isfinite(expected))
     for _ in range(3):
         some = reached[rng.integers(0, len(reached), rng.integers(1, 5))]
@@ -87,15 +88,21 @@ def test_what_some_cells_cost_is_what_one_search_finds_though_it_goes_no_farther
 
 
 @settings(max_examples=80, deadline=None)
+@given(seeds, st.floats(0.0, 20.0))
+def test_what_costs_more_than_anybody_asks_for_is_not_looked_for(seed, most):
+    cost, start, _ = ground(seed)
+    expected, (search, found) = cheapest_costs(cost, start), search_of(cost, start)
+    reached = np.argwhere(np.isfinite(expected))
+    search.costs_to(reached + 1, np.full(len(reached), most))
+    a_step = np.sqrt(2.0) * cost[np.isfinite(cost)].max()
+    assert (found[1:-1, 1:-1][expected > most + 2.0 * a_step] == np.inf).all()
+
+
+@settings(max_examples=80, deadline=None)
 @given(seeds)
 def test_a_search_that_goes_on_finds_what_one_search_finds_and_tells_whether_there_is_more(seed):
     cost, start, rng = ground(seed)
-    expected = cheapest_costs(cost, start)
-    rimmed, found = np.pad(cost, 1, constant_values=np.inf), np.full(np.add(cost.shape, 2), np.inf)
-    entries = np.zeros((most_entries(cost.size), 2), dtype=np.int32)
-    search = Search(
-        rimmed, (start[0] + 1, start[1] + 1), float(cost[np.isfinite(cost)].max()), found, entries
-    )
+    expected, (search, found) = cheapest_costs(cost, start), search_of(cost, start)
     for _ in range(4):
         row, column = (int(rng.integers(0, n)) for n in cost.shape)
         if rng.integers(2):
@@ -107,7 +114,7 @@ def test_a_search_that_goes_on_finds_what_one_search_finds_and_tells_whether_the
         near = expected <= most
         assert (found[1:-1, 1:-1][near] == expected[near]).all() and (found[1:-1, 1:-1][~near] > most).all()
         first_row, end_row, first_column, end_column = search.window
-        inside = np.zeros(rimmed.shape, dtype=bool)
+        inside = np.zeros(found.shape, dtype=bool)
         inside[first_row:end_row, first_column:end_column] = True
         assert inside[1:-1, 1:-1][near].all()
         inside[first_row - 1 : end_row + 1, first_column - 1 : end_column + 1] = True

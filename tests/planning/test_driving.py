@@ -121,6 +121,18 @@ def test_a_glance_hears_a_wall_wherever_between_the_axes_its_normal_points(seed)
         assert robot.driven_m == 0.0 and abs(robot.true_pose.heading) < 1e-9
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("off_m", [0.333, 0.345, 0.362])
+def test_a_wall_that_is_neared_at_a_slant_is_heard_again_before_it_comes_too_near(off_m, side):
+    nearest_m = []
+    for angle in np.radians(np.arange(15.0, 22.0)):
+        start = Pose(0.0, side * off_m, -side * angle)
+        robot, driver = driver_in([[-9, 0, 9, 0]], start)
+        driver.follow(np.array([[0.0, start.y], [math.cos(angle), start.y - side * math.sin(angle)]]))
+        nearest_m.append(abs(robot.true_pose.y))  # where it ends: all the way it comes nearer
+    assert min(nearest_m) > CONFIG.robot.radius_m + DrivingConfig().side_m + 0.02
+
+
 @pytest.mark.parametrize("normal_deg", [55, 60, 65, 70, 75])
 def test_a_wall_that_begins_at_a_known_edge_beside_the_way_is_not_touched(normal_deg):
     """From before the edge it sends nothing back, and beyond it its normal lies between the axes of the discs."""

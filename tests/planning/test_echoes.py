@@ -7,18 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from way_in import way_in
 
 from sonar_explore.amigobot import AmigoBot
 from sonar_explore.geometry import Pose
-from sonar_explore.planning.echoes import (
-    HALF_LENGTH_M,
-    KEPT_M,
-    POINT_HEARD_RAD,
-    WALL_BESIDE_M,
-    EchoMemory,
-    glance_after,
-)
+from sonar_explore.planning.echoes import KEPT_M, POINT_HEARD_RAD, EchoMemory
 
 BODY = AmigoBot()
 AHEAD_M, ROOM_M = 0.14, 0.21
@@ -171,17 +163,3 @@ def test_many_ticks_in_one_call_leave_the_memory_of_single_ones(ticks):
     for pose, ring in ticks:
         single.note(row(pose), np.array([ring]))
     assert np.array_equal(together._pieces[: together._count], single._pieces[: single._count])
-
-
-@settings(deadline=None)
-@given(poses, st.floats(0.0, 2.0 * ROOM_M), st.floats(-math.pi, math.pi), st.floats(-0.24, 0.24))
-def test_a_wall_beside_the_way_is_heard_again_before_the_piece_that_was_heard_ends(
-    pose, off_m, bearing, along_m
-):
-    normal = np.array([math.cos(bearing), math.sin(bearing)])
-    foot = np.array([pose.x, pose.y]) + off_m * normal + along_m * np.array([-normal[1], normal[0]])
-    pieces = np.array([[*foot, *normal, HALF_LENGTH_M, 0.0]])
-    heading = math.cos(pose.heading), math.sin(pose.heading)
-    often_m = way_in(glance_after)(pieces, 1, pose.x, pose.y, *heading, ROOM_M, 0.4)
-    if abs(off_m - ROOM_M - WALL_BESIDE_M) > 1e-9:
-        assert often_m == (HALF_LENGTH_M if off_m < ROOM_M + WALL_BESIDE_M else 0.4)
